@@ -1,0 +1,20 @@
+//! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration.
+
+use std::process::ExitCode;
+
+/// Wrong usage or configuration; the text names the key or option, what was found and what was
+/// expected.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct UsageError(pub(crate) String);
+
+/// Prints the error, if there is one, and gives the exit status that belongs to it.
+pub(crate) fn exit_code(result: anyhow::Result<ExitCode>) -> ExitCode {
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(if error.is::<UsageError>() { 2 } else { 1 })
+        }
+    }
+}

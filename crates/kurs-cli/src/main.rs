@@ -1,0 +1,28 @@
+//! The program `kurs`: one file per subcommand, and what they share: configuration files
+//! ([`config_file`]), outputs that are never half written ([`output`]) and exit statuses
+//! ([`failure`]).
+
+mod config_file;
+mod failure;
+mod output;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Heading, pitch and roll from the raw signals of several GNSS antennas.
+#[derive(Debug, Parser)]
+#[command(name = "kurs", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result: anyhow::Result<ExitCode> = match cli.command {};
+    failure::exit_code(result)
+}

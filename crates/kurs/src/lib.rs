@@ -1,0 +1,20 @@
+//! Kurs: how a body is oriented, from the raw signals of several GNSS antennas fixed on it.
+//!
+//! This crate holds the types and all algorithms; it does no input or output, reads no clock and
+//! starts no thread. The modules stand in the order in which data flow through them, and each uses
+//! only modules above it.
+#![forbid(unsafe_code)]
+
+// The words.
+pub mod time;
+
+pub mod frames;
+
+pub mod signal;
+
+pub mod array;
+
+pub mod solution;
+
+// The inputs.
+pub mod observation;

@@ -1,0 +1,68 @@
+//! Observations: what one antenna measured at one instant, and the time-matched set of all antennas.
+
+use crate::signal::{Satellite, Signal};
+use crate::time::GpsTime;
+
+/// One signal of one satellite at one antenna and epoch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// The satellite.
+    pub satellite: Satellite,
+    /// Band and tracking code.
+    pub signal: Signal,
+    /// Code observation, m.
+    pub pseudorange_m: Option<f64>,
+    /// Carrier phase, cycles, in the sense of the pseudorange: it grows with the distance.
+    pub phase_cycles: Option<f64>,
+    /// Doppler shift, Hz, positive when the satellite approaches: −λ D is the range rate.
+    pub doppler_hz: Option<f64>,
+    /// Carrier-to-noise density ratio, dB-Hz.
+    pub cn0_dbhz: Option<f64>,
+    /// What the receiver says about the continuity of the carrier phase.
+    pub lock: Lock,
+}
+
+/// Loss-of-lock indicator of a carrier phase, as bits of the RINEX digit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Lock(pub u8);
+
+impl Lock {
+    /// Bit 0: lock was lost since the previous observation; a cycle slip is possible.
+    pub const SLIP: u8 = 1;
+    /// Bit 1: the phase may be off by half a cycle.
+    pub const HALF_CYCLE: u8 = 2;
+
+    /// Whether a cycle slip may have happened since the previous observation.
+    #[must_use]
+    pub const fn slipped(self) -> bool {
+        self.0 & Self::SLIP != 0
+    }
+
+    /// Whether the phase may be off by half a cycle: not usable as an integer.
+    #[must_use]
+    pub const fn half_cycle_unresolved(self) -> bool {
+        self.0 & Self::HALF_CYCLE != 0
+    }
+}
+
+/// Everything one antenna measured at one instant of its own clock.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AntennaEpoch {
+    /// Time tag by the receiver's own clock, on the GPS scale.
+    pub time: GpsTime,
+    /// Observations in the order of the source; a reader reuses this buffer.
+    pub observations: Vec<Observation>,
+    /// The receiver lost power since the previous epoch: every phase slipped.
+    pub power_failure: bool,
+    /// Receiver clock offset in s, where the source states that it was *not* yet applied.
+    pub clock_offset_s: Option<f64>,
+}
+
+/// The epochs of all antennas that belong together; `None` where an antenna has none.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ArrayEpoch {
+    /// Instant of the row: the time tag of the first antenna that has an epoch.
+    pub time: GpsTime,
+    /// One entry an antenna, in the order of the configuration.
+    pub antennas: Vec<Option<AntennaEpoch>>,
+}
