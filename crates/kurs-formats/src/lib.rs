@@ -1,2 +1,7 @@
 //! GNSS file formats, to and from the types of `kurs`: bytes in, observations and ephemerides out.
 #![forbid(unsafe_code)]
+
+pub mod damage;
+pub mod observations;
+pub mod rinex;
+pub mod source;

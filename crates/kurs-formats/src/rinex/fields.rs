@@ -1,0 +1,189 @@
+//! Fixed columns and the numbers in them.
+
+use core::ops::Range;
+
+/// Powers of ten that are exact as `f64`.
+const POWERS_OF_TEN: [f64; 16] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+
+/// The part of `columns` (counted from 0) that the line has.
+pub(crate) fn columns(line: &[u8], columns: Range<usize>) -> &[u8] {
+    let end = columns.end.min(line.len());
+    &line[columns.start.min(end)..end]
+}
+
+/// The columns as text without surrounding blanks; bytes that are not UTF-8 are replaced.
+pub(crate) fn text(line: &[u8], range: Range<usize>) -> String {
+    String::from_utf8_lossy(columns(line, range)).trim().to_owned()
+}
+
+/// The label of a header line.
+pub(crate) fn label(line: &[u8]) -> &[u8] {
+    columns(line, 60..80).trim_ascii()
+}
+
+/// An integer with blanks around it; `None` for anything else, also for nothing.
+pub(crate) fn integer(field: &[u8]) -> Option<i32> {
+    let trimmed = field.trim_ascii();
+    let (negative, digits) = match trimmed {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    if digits.is_empty() || digits.len() > 9 || !digits.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let magnitude = digits.iter().fold(0, |value, digit| value * 10 + i32::from(digit - b'0'));
+    Some(if negative { -magnitude } else { magnitude })
+}
+
+/// A small integer with blanks around it.
+pub(crate) fn small_integer(field: &[u8]) -> Option<u8> {
+    integer(field).and_then(|value| u8::try_from(value).ok())
+}
+
+/// A decimal number with blanks around it, with or without fraction; `None` for anything else.
+///
+/// Up to 15 digits the result is the nearest double: both the digits as an integer and the power of
+/// ten are exact, so the division rounds once.
+pub(crate) fn decimal(field: &[u8]) -> Option<f64> {
+    let trimmed = field.trim_ascii();
+    let (negative, digits) = match trimmed {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    let (mut mantissa, mut count, mut decimals, mut point) = (0_u64, 0, 0, false);
+    for &byte in digits {
+        match byte {
+            b'0'..=b'9' if count < 15 => {
+                mantissa = mantissa * 10 + u64::from(byte - b'0');
+                count += usize::from(mantissa > 0);
+                decimals += usize::from(point);
+            }
+            b'.' if !point => point = true,
+            _ => {
+                return core::str::from_utf8(trimmed)
+                    .ok()?
+                    .parse()
+                    .ok()
+                    .filter(|v: &f64| v.is_finite());
+            }
+        }
+    }
+    if digits.is_empty() || digits == b"." || decimals >= POWERS_OF_TEN.len() {
+        return None;
+    }
+    let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
+    Some(if negative { -magnitude } else { magnitude })
+}
+
+/// What stands in the 14 columns of an observation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Value {
+    /// Blanks, or the number zero: the observation is missing.
+    Missing,
+    /// The number.
+    Number(f64),
+    /// Something else, or a number in the wrong columns.
+    Damaged,
+}
+
+/// Reads an F14.3 field and divides by `factor` (1, or a scale factor of the header).
+///
+/// The point must stand in its column and the field must be whole: a number that lost or gained a
+/// digit, or that a cut file ends in, is damage and not another number. The result is the nearest
+/// double, as in [`decimal`].
+pub(crate) fn f14_3(field: &[u8], factor: f64) -> Value {
+    let Ok(field) = <&[u8; 14]>::try_from(field) else {
+        return if field.trim_ascii().is_empty() { Value::Missing } else { Value::Damaged };
+    };
+    let mut start = 0;
+    while start < 14 && field[start] == b' ' {
+        start += 1;
+    }
+    if start == 14 {
+        return Value::Missing;
+    }
+    let negative = field[start] == b'-';
+    start += usize::from(negative);
+    if field[10] != b'.' || start > 10 {
+        return Value::Damaged;
+    }
+    let mut mantissa = 0_u64;
+    for &byte in field[start..10].iter().chain(&field[11..]) {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return Value::Damaged;
+        }
+        mantissa = mantissa * 10 + u64::from(digit);
+    }
+    if mantissa == 0 {
+        return Value::Missing;
+    }
+    let magnitude = mantissa as f64 / (1000.0 * factor);
+    Value::Number(if negative { -magnitude } else { magnitude })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn integers() {
+        assert_eq!(integer(b"  12 "), Some(12));
+        assert_eq!(integer(b"-7"), Some(-7));
+        for wrong in [&b""[..], b"   ", b"1 2", b"x", b"1234567890", b"-", b"\xff"] {
+            assert_eq!(integer(wrong), None);
+        }
+    }
+
+    #[test]
+    fn decimals() {
+        assert_eq!(decimal(b" 0.0000000"), Some(0.0));
+        assert_eq!(decimal(b" 30"), Some(30.0));
+        assert_eq!(decimal(b" -.5 "), Some(-0.5));
+        assert_eq!(decimal(b"30."), Some(30.0));
+        assert_eq!(decimal(b"-0.123456789012345678"), Some(-0.123_456_789_012_345_68));
+        for wrong in [&b""[..], b".", b"-", b"1.2.3", b"inf", b"nan", b"1e999", b"1 2"] {
+            assert_eq!(decimal(wrong), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn observations_keep_their_columns() {
+        assert_eq!(f14_3(b"  22907163.076", 1.0), Value::Number(22_907_163.076));
+        assert_eq!(f14_3(b" -16928881.668", 1.0), Value::Number(-16_928_881.668));
+        assert_eq!(f14_3(b"          .500", 1.0), Value::Number(0.5));
+        assert_eq!(f14_3(b"     16928.815", 10.0), Value::Number(1692.8815));
+        for missing in [&b"              "[..], b"         0.000", b"", b"   "] {
+            assert_eq!(f14_3(missing, 1.0), Value::Missing);
+        }
+        for damaged in [
+            &b"  2290716.0763"[..],
+            b"  22907163",
+            b"  22907163.0x6",
+            b"  229 7163.076",
+            b"             -",
+        ] {
+            assert_eq!(f14_3(damaged, 1.0), Value::Damaged, "{damaged:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn observations_are_the_nearest_double(thousandths in -999_999_999_999_i64..9_999_999_999_999) {
+            let sign = if thousandths < 0 { "-" } else { "" };
+            let magnitude = thousandths.unsigned_abs();
+            let written = format!("{sign}{}.{:03}", magnitude / 1000, magnitude % 1000);
+            let value = match f14_3(format!("{written:>14}").as_bytes(), 1.0) {
+                Value::Number(value) => value,
+                Value::Missing => 0.0,
+                Value::Damaged => f64::NAN,
+            };
+            prop_assert_eq!(value, written.parse::<f64>().unwrap());
+            prop_assert_eq!(decimal(written.as_bytes()), Some(value));
+        }
+    }
+}

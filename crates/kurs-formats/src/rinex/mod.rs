@@ -1,0 +1,8 @@
+//! RINEX, the exchange format of receivers: fixed columns, a label in columns 61 to 80 of every
+//! header line.
+//!
+//! Sources: RINEX 2.11 (W. Gurtner, L. Estey, 2007), RINEX 3.05 (IGS/RTCM, 2020), RINEX 4.02
+//! (IGS/RTCM, 2024).
+
+mod fields;
+pub mod observation;

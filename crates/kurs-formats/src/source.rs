@@ -1,0 +1,384 @@
+//! A file or stream as bytes and lines: gzip is found by content and undone, memory is bounded.
+//!
+//! The buffer has a fixed size and a line has a maximum length, so that neither a long file nor a
+//! file without line ends takes more memory or more time than its bytes.
+
+use std::fs::File;
+use std::io::{self, BufRead, Read};
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+
+/// Why a file cannot be read (further).
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system refuses.
+    #[error("{file}: {error}")]
+    Io {
+        /// Name of the file.
+        file: String,
+        /// Its reason.
+        #[source]
+        error: io::Error,
+    },
+    /// The content is something else.
+    #[error("{file}: found {found}, expected {expected}")]
+    WrongContent {
+        /// Name of the file.
+        file: String,
+        /// What the content looks like.
+        found: String,
+        /// What can be read here.
+        expected: &'static str,
+    },
+    /// A line without which the rest has no meaning.
+    #[error("{file}, line {line}: {what}")]
+    Line {
+        /// Name of the file.
+        file: String,
+        /// Counted from 1.
+        line: u64,
+        /// What was found and expected.
+        what: String,
+    },
+}
+
+/// A buffered byte source with line access.
+///
+/// Lines are visited with a cursor: [`Source::advance`] moves to the next line, [`Source::line`] is
+/// the line where the cursor stands, without its end (`\n` or `\r\n`).
+pub struct Source {
+    name: String,
+    input: Box<dyn Read + Send>,
+    inflating: bool,
+    buffer: Box<[u8]>,
+    /// Unread bytes: `buffer[next..filled]`.
+    next: usize,
+    filled: usize,
+    at_end: bool,
+    broken_off: Option<String>,
+    line: core::ops::Range<usize>,
+    line_number: u64,
+    line_cut: bool,
+    line_held: bool,
+}
+
+impl core::fmt::Debug for Source {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Source").field("name", &self.name).field("line", &self.line_number).finish()
+    }
+}
+
+impl Source {
+    /// Longest line that is given in full; what goes beyond is dropped.
+    pub const LINE_MAX: usize = 16 * 1024;
+    const BUFFER_SIZE: usize = 256 * 1024;
+
+    /// Opens a file.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::Io`] if it cannot be opened or read, [`ReadError::WrongContent`] if it is
+    /// compressed by a method other than gzip.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        let name = path.as_ref().display().to_string();
+        let file = File::open(&path)
+            .and_then(|file| match file.metadata()?.is_dir() {
+                true => Err(io::Error::from(io::ErrorKind::IsADirectory)),
+                false => Ok(file),
+            })
+            .map_err(|error| ReadError::Io { file: name.clone(), error })?;
+        Self::new(file, name)
+    }
+
+    /// Wraps a stream; `name` stands for it in messages.
+    ///
+    /// # Errors
+    ///
+    /// As [`Source::open`].
+    pub fn new(
+        input: impl Read + Send + 'static,
+        name: impl Into<String>,
+    ) -> Result<Self, ReadError> {
+        let mut source = Self {
+            name: name.into(),
+            input: Box::new(input),
+            inflating: false,
+            buffer: vec![0; Self::BUFFER_SIZE].into_boxed_slice(),
+            next: 0,
+            filled: 0,
+            at_end: false,
+            broken_off: None,
+            line: 0..0,
+            line_number: 0,
+            line_cut: false,
+            line_held: false,
+        };
+        source.undo_compression()?;
+        Ok(source)
+    }
+
+    fn undo_compression(&mut self) -> Result<(), ReadError> {
+        let method = match self.start(6)? {
+            [0x1f, 0x8b, ..] => None,
+            [0x1f, 0x9d, ..] => Some("Unix compress (.Z)"),
+            [b'B', b'Z', b'h', b'1'..=b'9', ..] => Some("bzip2"),
+            [b'P', b'K', 3, 4, ..] => Some("a ZIP archive"),
+            [0xfd, b'7', b'z', b'X', b'Z', 0] => Some("xz"),
+            [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("zstd"),
+            _ => return Ok(()),
+        };
+        if let Some(method) = method {
+            return Err(self.wrong_content(
+                format!("{method} compression"),
+                "plain text or gzip (unpack the file, or pack it again with gzip)",
+            ));
+        }
+        let packed = io::Cursor::new(self.buffer[self.next..self.filled].to_vec());
+        let rest = core::mem::replace(&mut self.input, Box::new(io::empty()));
+        self.input = Box::new(MultiGzDecoder::new(packed.chain(rest)));
+        (self.inflating, self.next, self.filled, self.at_end) = (true, 0, 0, false);
+        Ok(())
+    }
+
+    /// Name of the file, for messages.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// At least `length` bytes from here on, fewer if the input ends before (at most
+    /// [`Source::LINE_MAX`] are sure to fit); nothing is consumed.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::Io`] if reading fails.
+    pub fn start(&mut self, length: usize) -> Result<&[u8], ReadError> {
+        while self.filled - self.next < length.min(Self::LINE_MAX) && !self.at_end {
+            self.refill()?;
+        }
+        Ok(&self.buffer[self.next..self.filled])
+    }
+
+    /// Moves to the next line; `false` at the end.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError::Io`] if reading fails.
+    pub fn advance(&mut self) -> Result<bool, ReadError> {
+        if core::mem::take(&mut self.line_held) {
+            return Ok(true);
+        }
+        if core::mem::take(&mut self.line_cut) {
+            self.skip_rest_of_line()?;
+        }
+        let mut searched = 0;
+        loop {
+            let unread = &self.buffer[self.next..self.filled];
+            if let Some(offset) = memchr::memchr(b'\n', &unread[searched..]) {
+                let end = self.next + searched + offset;
+                self.take_line(end, end + 1);
+                return Ok(true);
+            }
+            searched = unread.len();
+            if searched >= Self::LINE_MAX {
+                let end = self.next + Self::LINE_MAX;
+                self.take_line(end, end);
+                self.line_cut = true;
+                return Ok(true);
+            }
+            if self.at_end {
+                let last_line = searched > 0;
+                self.take_line(self.filled, self.filled);
+                self.line_number -= u64::from(!last_line);
+                return Ok(last_line);
+            }
+            self.refill()?;
+        }
+    }
+
+    fn take_line(&mut self, end: usize, next: usize) {
+        let carriage_return = end > self.next && self.buffer[end - 1] == b'\r';
+        self.line = self.next..end - usize::from(carriage_return);
+        self.next = next;
+        self.line_number += 1;
+    }
+
+    fn skip_rest_of_line(&mut self) -> Result<(), ReadError> {
+        loop {
+            if let Some(offset) = memchr::memchr(b'\n', &self.buffer[self.next..self.filled]) {
+                self.next += offset + 1;
+                return Ok(());
+            }
+            self.next = self.filled;
+            if self.at_end {
+                return Ok(());
+            }
+            self.refill()?;
+        }
+    }
+
+    /// The line where the cursor stands.
+    #[must_use]
+    pub fn line(&self) -> &[u8] {
+        &self.buffer[self.line.clone()]
+    }
+
+    /// Its number, counted from 1.
+    #[must_use]
+    pub const fn line_number(&self) -> u64 {
+        self.line_number
+    }
+
+    /// Whether it was longer than [`Source::LINE_MAX`].
+    #[must_use]
+    pub const fn line_was_cut(&self) -> bool {
+        self.line_cut
+    }
+
+    /// The next [`Source::advance`] stays at this line.
+    pub const fn hold_line(&mut self) {
+        self.line_held = true;
+    }
+
+    /// Why the packed data ended before its end, if it did: what came before is good.
+    #[must_use]
+    pub fn broken_off(&self) -> Option<&str> {
+        self.broken_off.as_deref()
+    }
+
+    /// An error that says what was found here instead of what was expected.
+    #[must_use]
+    pub fn wrong_content(&self, found: impl Into<String>, expected: &'static str) -> ReadError {
+        ReadError::WrongContent { file: self.name.clone(), found: found.into(), expected }
+    }
+
+    /// An error at the line where the cursor stands.
+    #[must_use]
+    pub fn bad_line(&self, what: impl Into<String>) -> ReadError {
+        ReadError::Line { file: self.name.clone(), line: self.line_number, what: what.into() }
+    }
+
+    /// Reads more; the unread bytes move to the front, so a line borrowed before is gone.
+    fn refill(&mut self) -> Result<(), ReadError> {
+        if self.next > 0 {
+            self.buffer.copy_within(self.next..self.filled, 0);
+            self.filled -= self.next;
+            self.next = 0;
+        }
+        loop {
+            match self.input.read(&mut self.buffer[self.filled..]) {
+                Ok(0) => self.at_end = true,
+                Ok(count) => self.filled += count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) if self.inflating && is_damage(&error) => {
+                    self.broken_off = Some(format!("the gzip data is damaged: {error}"));
+                    self.at_end = true;
+                }
+                Err(error) => return Err(ReadError::Io { file: self.name.clone(), error }),
+            }
+            return Ok(());
+        }
+    }
+}
+
+fn is_damage(error: &io::Error) -> bool {
+    use io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
+    matches!(error.kind(), InvalidData | InvalidInput | UnexpectedEof)
+}
+
+impl Read for Source {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(out)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl BufRead for Source {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.next == self.filled && !self.at_end {
+            self.refill().map_err(io::Error::other)?;
+        }
+        Ok(&self.buffer[self.next..self.filled])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.next = (self.next + count).min(self.filled);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn lines(bytes: &[u8]) -> Vec<String> {
+        let mut source = Source::new(io::Cursor::new(bytes.to_vec()), "test").unwrap();
+        let mut lines = Vec::new();
+        while source.advance().unwrap() {
+            lines.push(String::from_utf8_lossy(source.line()).into_owned());
+        }
+        assert_eq!(source.line_number(), lines.len() as u64);
+        lines
+    }
+
+    fn packed(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn line_ends() {
+        assert_eq!(lines(b""), [""; 0]);
+        assert_eq!(lines(b"a\nb"), ["a", "b"]);
+        assert_eq!(lines(b"a\r\n\r\nb\r\n"), ["a", "", "b"]);
+        assert_eq!(lines(b"\n\n"), ["", ""]);
+    }
+
+    #[test]
+    fn gzip_members_follow_each_other() {
+        let both = [packed(b"first\nsec"), packed(b"ond\n")].concat();
+        assert_eq!(lines(&both), ["first", "second"]);
+    }
+
+    #[test]
+    fn cut_gzip_keeps_what_came_before() {
+        let text: String = (0..20_000).map(|i| format!("line {}\n", i * 7919 % 10_007)).collect();
+        let whole = packed(text.as_bytes());
+        let cut = whole[..whole.len() / 2].to_vec();
+        let mut source = Source::new(io::Cursor::new(cut), "test").unwrap();
+        while source.advance().unwrap() {}
+        assert!(source.line_number() > 5000, "{}", source.line_number());
+        assert!(source.broken_off().is_some());
+    }
+
+    #[test]
+    fn long_lines_are_cut_and_the_next_line_is_whole() {
+        let mut bytes = vec![b'x'; 5_000_000];
+        bytes.extend_from_slice(b"\nnext\n");
+        let found = lines(&bytes);
+        assert_eq!((found[0].len(), found[1].as_str()), (Source::LINE_MAX, "next"));
+        assert_eq!(found.len(), 2);
+    }
+
+    #[test]
+    fn other_compressions_are_named() {
+        for (magic, name) in [(&b"\x1f\x9d\x90abc"[..], ".Z"), (b"BZh91AY", "bzip2")] {
+            let error = Source::new(io::Cursor::new(magic.to_vec()), "x.Z").unwrap_err();
+            assert!(error.to_string().contains(name), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_held_line_comes_again() {
+        let mut source = Source::new(&b"a\nb\n"[..], "test").unwrap();
+        assert!(source.advance().unwrap());
+        source.hold_line();
+        assert!(source.advance().unwrap());
+        assert_eq!((source.line(), source.line_number()), (&b"a"[..], 1));
+        assert!(source.advance().unwrap());
+        assert_eq!(source.line(), b"b");
+    }
+}
