@@ -18,3 +18,6 @@ pub mod solution;
 
 // The inputs.
 pub mod observation;
+
+// The chain.
+pub mod attitude;

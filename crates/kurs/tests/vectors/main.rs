@@ -7,6 +7,7 @@
 //! module here holds the checks of one kind.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
+mod attitude;
 mod case;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -22,8 +23,8 @@ type Check = fn(&Value, &mut Outcome) -> Result<(), String>;
 /// Top-level key of the file, `kind` within it, and the code that checks it (`None`: no such code
 /// in the library yet).
 const KINDS: [(&str, &str, Option<Check>); 7] = [
-    ("attitude", "phase", None),
-    ("attitude", "omega", None),
+    ("attitude", "phase", Some(attitude::phase)),
+    ("attitude", "omega", Some(attitude::omega)),
     ("attitude", "phase_collinear", None),
     ("three_point", "three_point", None),
     ("baseline", "baseline", None),

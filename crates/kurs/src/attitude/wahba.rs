@@ -1,0 +1,255 @@
+//! Wahba's problem: the rotation that carries known directions onto measured ones best.
+//!
+//! Minimise `Σ wᵣ ‖Q lᵣ − Lᵣ‖²` over rotations `Q`, that is, maximise `tr(Qᵀ M)` with
+//! `M = Σ wᵣ Lᵣ lᵣᵀ`. Solved by the singular value decomposition (Markley 1988; Rapoport, equation
+//! 14, whose solution lacks the condition det = +1 and is a reflection on flat arrays), and by
+//! Davenport's q-method as the independent second way.
+
+use nalgebra::{Matrix3, Matrix4, Vector3};
+
+use super::AttitudeError;
+
+/// Sweeps of the Jacobi method after which it is stopped; it needs four to six.
+const MAX_SWEEPS: usize = 30;
+/// `σ₂ + d σ₃` below this share of `σ₁` leaves a turn undetermined.
+const UNIQUE_RATIO: f64 = 1e-12;
+
+/// The rotation nearest to a matrix, in the sense of the largest `tr(Qᵀ M)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearestRotation {
+    /// `Q`, orthogonal with determinant +1.
+    pub rotation: Matrix3<f64>,
+    /// `σ₁ ≥ σ₂ ≥ |d σ₃|`: singular values of `M`, the last with the sign `d` of `det M`.
+    pub singular_values: Vector3<f64>,
+}
+
+impl NearestRotation {
+    /// Whether no other rotation is as near: `σ₂ + d σ₃ > 0`, by a margin above rounding.
+    #[must_use]
+    pub fn is_unique(&self) -> bool {
+        let [first, second, third] = self.singular_values.into();
+        second + third > UNIQUE_RATIO * first
+    }
+}
+
+/// Attitude from `n ≥ 2` pairs of vectors: `Q` that minimises `Σ wᵣ ‖Q lᵣ − Lᵣ‖²`.
+///
+/// `body` are the `lᵣ`, `measured` the `Lᵣ` in the outside frame, `weights` the `wᵣ ≥ 0`.
+///
+/// # Errors
+///
+/// Slices of different length, fewer than two vectors, numbers that are not finite, a negative
+/// weight, and vectors that all lie on one line ([`AttitudeError::Unobservable`]).
+pub fn solve(
+    body: &[Vector3<f64>],
+    measured: &[Vector3<f64>],
+    weights: &[f64],
+) -> Result<NearestRotation, AttitudeError> {
+    let nearest = nearest_rotation(&attitude_profile(body, measured, weights)?)?;
+    if nearest.is_unique() { Ok(nearest) } else { Err(AttitudeError::Unobservable) }
+}
+
+/// `M = Σ wᵣ Lᵣ lᵣᵀ`, the transpose of what the literature calls the attitude profile matrix `B`.
+///
+/// # Errors
+///
+/// As [`solve`], but for the line.
+pub fn attitude_profile(
+    body: &[Vector3<f64>],
+    measured: &[Vector3<f64>],
+    weights: &[f64],
+) -> Result<Matrix3<f64>, AttitudeError> {
+    for found in [measured.len(), weights.len()] {
+        if found != body.len() {
+            return Err(AttitudeError::Shape { what: "vectors", expected: body.len(), found });
+        }
+    }
+    if body.len() < 2 {
+        return Err(AttitudeError::TooFewVectors { found: body.len() });
+    }
+    if let Some(weight) = weights.iter().copied().find(|w| w.is_nan() || *w < 0.0) {
+        return Err(AttitudeError::NotPositive { what: "weight", value: weight });
+    }
+    let mut profile = Matrix3::zeros();
+    for ((l, measured_l), weight) in body.iter().zip(measured).zip(weights) {
+        profile += *weight * measured_l * l.transpose();
+    }
+    Ok(profile)
+}
+
+/// The rotation `Q` with the largest `tr(Qᵀ M)`.
+///
+/// With `M = U Σ Vᵀ` it is `Q = U diag(1, 1, d) Vᵀ`, `d = det(U Vᵀ)`. Both triads are made
+/// right-handed from their first two columns, which puts `d` where it belongs and needs no third
+/// singular vector: flat arrays, whose `σ₃` is zero, are no special case.
+///
+/// # Errors
+///
+/// [`AttitudeError::NotFinite`], and [`AttitudeError::Unobservable`] for a matrix of rank one or
+/// zero.
+pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Result<NearestRotation, AttitudeError> {
+    let largest = matrix.amax();
+    if !largest.is_finite() || matrix.iter().any(|c| c.is_nan()) {
+        return Err(AttitudeError::NotFinite { what: "attitude profile matrix" });
+    }
+    if largest == 0.0 {
+        return Err(AttitudeError::Unobservable);
+    }
+    let (columns, v) = orthogonal_columns(&(matrix / largest));
+    let [first, second] = two_longest(&columns);
+    let sigma = [columns.column(first).norm(), columns.column(second).norm()];
+    if sigma[1] <= f64::EPSILON * sigma[0] {
+        return Err(AttitudeError::Unobservable);
+    }
+    let u1 = columns.column(first) / sigma[0];
+    let u2 = columns.column(second) / sigma[1];
+    let (u3, v1, v2) = (u1.cross(&u2), v.column(first), v.column(second));
+    let v3 = v1.cross(&v2);
+    let rotation = u1 * v1.transpose() + u2 * v2.transpose() + u3 * v3.transpose();
+    let signed_third = u3.dot(&(matrix * v3));
+    Ok(NearestRotation {
+        rotation,
+        singular_values: Vector3::new(sigma[0] * largest, sigma[1] * largest, signed_third),
+    })
+}
+
+/// One-sided Jacobi method (Hestenes 1958): `M V` with orthogonal columns, and `V`.
+///
+/// Keeps the relative accuracy of small singular values, which `MᵀM` would lose.
+fn orthogonal_columns(matrix: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let mut columns = *matrix;
+    let mut v = Matrix3::identity();
+    for _ in 0..MAX_SWEEPS {
+        let mut turned = false;
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            let (a, b) = (columns.column(i).norm_squared(), columns.column(j).norm_squared());
+            let product = columns.column(i).dot(&columns.column(j));
+            if product * product <= f64::EPSILON * f64::EPSILON * a * b {
+                continue;
+            }
+            turned = true;
+            // cot 2φ = (b − a) / 2 aᵢ·aⱼ, smaller root t = tan φ
+            let zeta = (b - a) / (2.0 * product);
+            let t = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+            let c = 1.0 / (1.0 + t * t).sqrt();
+            turn_columns(&mut columns, i, j, c, c * t);
+            turn_columns(&mut v, i, j, c, c * t);
+        }
+        if !turned {
+            break;
+        }
+    }
+    (columns, v)
+}
+
+/// Columns `i, j` ← `c xᵢ − s xⱼ`, `s xᵢ + c xⱼ`.
+fn turn_columns(matrix: &mut Matrix3<f64>, i: usize, j: usize, c: f64, s: f64) {
+    for row in 0..3 {
+        let (x, y) = (matrix[(row, i)], matrix[(row, j)]);
+        matrix[(row, i)] = c * x - s * y;
+        matrix[(row, j)] = s * x + c * y;
+    }
+}
+
+/// Indices of the longest and the second longest column.
+fn two_longest(columns: &Matrix3<f64>) -> [usize; 2] {
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| {
+        columns.column(*b).norm_squared().total_cmp(&columns.column(*a).norm_squared())
+    });
+    [order[0], order[1]]
+}
+
+/// Davenport's q-method: the quaternion `w, x, y, z` (`w ≥ 0`) of the rotation with the largest
+/// `tr(Qᵀ M)`, the eigenvector of the largest eigenvalue of `K(Mᵀ)`.
+///
+/// # Errors
+///
+/// [`AttitudeError::NotFinite`], and [`AttitudeError::Unobservable`] where the largest eigenvalue
+/// is double.
+pub fn davenport_quaternion(matrix: &Matrix3<f64>) -> Result<[f64; 4], AttitudeError> {
+    if matrix.iter().any(|c| !c.is_finite()) {
+        return Err(AttitudeError::NotFinite { what: "attitude profile matrix" });
+    }
+    let b = matrix.transpose();
+    // K = [[tr B, zᵀ], [z, B + Bᵀ − tr(B) I]],  z = (B₂₃ − B₃₂, B₃₁ − B₁₃, B₁₂ − B₂₁)
+    let z = Vector3::new(b[(1, 2)] - b[(2, 1)], b[(2, 0)] - b[(0, 2)], b[(0, 1)] - b[(1, 0)]);
+    let mut k = Matrix4::zeros();
+    k[(0, 0)] = b.trace();
+    k.fixed_view_mut::<3, 1>(1, 0).copy_from(&z);
+    k.fixed_view_mut::<1, 3>(0, 1).copy_from(&z.transpose());
+    let s = b + b.transpose() - b.trace() * Matrix3::identity();
+    k.fixed_view_mut::<3, 3>(1, 1).copy_from(&s);
+
+    let eigen = k.symmetric_eigen();
+    let mut order = [0, 1, 2, 3];
+    order.sort_by(|i, j| eigen.eigenvalues[*j].total_cmp(&eigen.eigenvalues[*i]));
+    let (largest, next) = (eigen.eigenvalues[order[0]], eigen.eigenvalues[order[1]]);
+    // λ₁ − λ₂ = 2 (σ₂ + d σ₃)
+    if largest - next <= 2.0 * UNIQUE_RATIO * largest.abs() {
+        return Err(AttitudeError::Unobservable);
+    }
+    let q = eigen.eigenvectors.column(order[0]);
+    let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
+    Ok([q[0] * sign, q[1] * sign, q[2] * sign, q[3] * sign])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::{Body, Ned, Rotation};
+    use proptest::prelude::*;
+
+    fn matrices() -> impl Strategy<Value = Matrix3<f64>> {
+        proptest::array::uniform9(-1.0..1.0f64).prop_map(|c| Matrix3::from_row_slice(&c))
+    }
+
+    /// Flat arrays give rank two: the answer must be a rotation, never a reflection.
+    #[test]
+    fn flat_array_gives_no_reflection() {
+        let body = [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 1.0, 0.0)];
+        let turned = [Vector3::new(0.0, 0.0, 1.0), Vector3::new(0.0, 1.0, 0.0)];
+        let nearest = solve(&body, &turned, &[1.0, 1.0]).unwrap();
+        let expected = Matrix3::new(0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
+        assert!((nearest.rotation - expected).norm() < 1e-15, "{nearest:?}");
+    }
+
+    #[test]
+    fn wrong_input_is_refused() {
+        let x = Vector3::x();
+        let line = [x, x * 2.0, x * -1.0];
+        assert_eq!(solve(&line, &line, &[1.0; 3]), Err(AttitudeError::Unobservable));
+        assert_eq!(solve(&[x], &[x], &[1.0]), Err(AttitudeError::TooFewVectors { found: 1 }));
+        assert!(matches!(solve(&line, &line[..2], &[1.0; 3]), Err(AttitudeError::Shape { .. })));
+        let weights = [1.0, f64::NAN, 1.0];
+        assert!(matches!(solve(&line, &line, &weights), Err(AttitudeError::NotPositive { .. })));
+        let nan = Matrix3::repeat(f64::NAN);
+        assert!(matches!(nearest_rotation(&nan), Err(AttitudeError::NotFinite { .. })));
+        assert_eq!(nearest_rotation(&Matrix3::zeros()), Err(AttitudeError::Unobservable));
+    }
+
+    proptest! {
+        /// The two methods share no step.
+        #[test]
+        fn svd_and_davenport_agree(m in matrices()) {
+            let nearest = nearest_rotation(&m).unwrap();
+            prop_assert!((nearest.rotation.determinant() - 1.0).abs() < 1e-14);
+            let [s1, s2, s3] = nearest.singular_values.into();
+            prop_assert!((s1 * s2 * s3 - m.determinant()).abs() < 1e-14);
+            prop_assume!(s2 + s3 > 1e-3);
+            let q = davenport_quaternion(&m).unwrap();
+            let davenport = Rotation::<Ned, Body>::from_quaternion(q).matrix();
+            prop_assert!((nearest.rotation - davenport).norm() < 1e-11);
+            prop_assert!(((m.transpose() * davenport).trace() - (s1 + s2 + s3)).abs() < 1e-13);
+        }
+
+        #[test]
+        fn no_input_panics(c in proptest::array::uniform9(proptest::num::f64::ANY)) {
+            let m = Matrix3::from_row_slice(&c);
+            if let Ok(nearest) = nearest_rotation(&m) {
+                prop_assert!((nearest.rotation.determinant() - 1.0).abs() < 1e-12);
+            }
+            let _ = davenport_quaternion(&m);
+        }
+    }
+}

@@ -1,0 +1,451 @@
+//! The weighted attitude problem and its solution by Newton's method on the rotations.
+//!
+//! Whatever was measured, its weighted squares are a quadratic function of the nine entries of the
+//! rotation matrix `Q` (Rapoport, equation 9, in information form, which needs no inverse):
+//!
+//! ```text
+//! F(Q) = ½ qᵀ G q − hᵀ q,     q = vec Q (column after column)
+//! ```
+//!
+//! Where every antenna sees the same satellites, `G = R ⊗ N` and `h = vec X`: the normal matrix `N`
+//! of a baseline and the weighted spread `R` of the antennas, 3×3 each, say everything.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::AttitudeError;
+use super::wahba::nearest_rotation;
+use crate::frames::skew;
+
+/// `G` of the general form.
+pub type Matrix9 = SMatrix<f64, 9, 9>;
+
+/// Newton steps after which the method is stopped; from Wahba's solution it needs four.
+const MAX_ITERATIONS: usize = 60;
+/// A full Newton step below this is the last: what is left is its square.
+const LAST_STEP_RAD: f64 = 1e-9;
+/// No step turns further.
+const MAX_STEP_RAD: f64 = 1.0;
+/// Share of the largest eigenvalue below which the smallest counts as zero.
+const SINGULAR_RATIO: f64 = 1e-12;
+
+/// A quadratic cost on the rotations. It is half a sum of weighted squares without its constant:
+/// with true weights, twice a cost difference is a difference of χ².
+#[derive(Debug, Clone, PartialEq)]
+pub enum AttitudeProblem {
+    /// `F(Q) = ½ tr(Qᵀ N Q R) − tr(Xᵀ Q)`.
+    Separable {
+        /// `N`, outside frame: information of one baseline, per m² (symmetric, ⪰ 0).
+        normal: Matrix3<f64>,
+        /// `R = l C lᵀ`, body frame: weighted spread of the antennas, m² (symmetric, ⪰ 0).
+        spread: Matrix3<f64>,
+        /// `X = b C lᵀ`, outside frame × body frame.
+        cross: Matrix3<f64>,
+    },
+    /// `F(Q) = ½ qᵀ G q − hᵀ q`.
+    General {
+        /// `G` (symmetric, ⪰ 0); `G[(3a + i, 3b + j)]` joins `Q[(i, a)]` and `Q[(j, b)]`.
+        information: Box<Matrix9>,
+        /// `h` as a matrix, `h = vec` of it.
+        linear: Matrix3<f64>,
+    },
+}
+
+/// A local minimum of an [`AttitudeProblem`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Minimum {
+    /// `Q`: outside frame from body frame.
+    pub rotation: Matrix3<f64>,
+    /// `F(Q)`.
+    pub cost: f64,
+    /// Gauss–Newton matrix of a rotation vector `θ` in body axes, `Q exp[θ]×`, per rad². Its
+    /// inverse is the covariance when the weights are inverse variances.
+    pub information: Matrix3<f64>,
+    /// Newton steps taken.
+    pub iterations: usize,
+}
+
+impl Minimum {
+    /// Covariance of the rotation vector in body axes, rad²: the inverse of the information.
+    ///
+    /// # Errors
+    ///
+    /// [`AttitudeError::Unobservable`] if the information is singular.
+    pub fn covariance(&self) -> Result<Matrix3<f64>, AttitudeError> {
+        let cholesky = self.information.cholesky().ok_or(AttitudeError::Unobservable)?;
+        let inverse = cholesky.inverse();
+        Ok(0.5 * (inverse + inverse.transpose()))
+    }
+}
+
+/// Value and derivatives of `F(Q exp[θ]×)` at `θ = 0`.
+pub(super) struct Expansion {
+    cost: f64,
+    gradient: Vector3<f64>,
+    information: Matrix3<f64>,
+    /// Gauss–Newton matrix plus the curvature of the rotations.
+    hessian: Matrix3<f64>,
+}
+
+impl AttitudeProblem {
+    /// The problem of `k` baselines that share one normal matrix: `normal` `N` (per m²), `moments`
+    /// `b` (3×k), `body` the baselines `l` (m), and the weight `C` between baselines (k×k).
+    pub(super) fn separable(
+        normal: Matrix3<f64>,
+        moments: &[Vector3<f64>],
+        body: &[Vector3<f64>],
+        weight: impl Fn(usize, usize) -> f64,
+    ) -> Self {
+        let (mut spread, mut cross) = (Matrix3::zeros(), Matrix3::zeros());
+        for j in 0..body.len() {
+            // (l C)ⱼ and (b C)ⱼ
+            let (mut weighted_l, mut weighted_b) = (Vector3::zeros(), Vector3::zeros());
+            for i in 0..body.len() {
+                weighted_l += weight(i, j) * body[i];
+                weighted_b += weight(i, j) * moments[i];
+            }
+            spread += weighted_l * body[j].transpose();
+            cross += weighted_b * body[j].transpose();
+        }
+        Self::Separable { normal, spread, cross }
+    }
+
+    /// Refuses numbers that are not finite, and matrices that are not symmetric or not ⪰ 0.
+    pub(super) fn check(&self) -> Result<(), AttitudeError> {
+        match self {
+            Self::Separable { normal, spread, cross } => {
+                if cross.iter().any(|c| !c.is_finite()) {
+                    return Err(AttitudeError::NotFinite { what: "right-hand side" });
+                }
+                check_semidefinite("normal matrix", normal)?;
+                check_semidefinite("weighted spread of the antennas", spread)?;
+            }
+            Self::General { information, linear } => {
+                if linear.iter().any(|c| !c.is_finite()) {
+                    return Err(AttitudeError::NotFinite { what: "right-hand side" });
+                }
+                check_semidefinite("information matrix", information)?;
+            }
+        }
+        // A line has one principal moment, a plane two: λ₁λ₂ + λ₁λ₃ + λ₂λ₃ tells them apart.
+        for moments in [self.spread(), self.normal()] {
+            let scaled = moments / moments.trace();
+            let pairs = 0.5 * (1.0 - (scaled * scaled).trace());
+            if pairs.is_nan() || pairs < SINGULAR_RATIO {
+                return Err(AttitudeError::Unobservable);
+            }
+        }
+        Ok(())
+    }
+
+    /// `F(Q)`.
+    #[must_use]
+    pub fn cost(&self, rotation: &Matrix3<f64>) -> f64 {
+        match self {
+            Self::Separable { normal, spread, cross } => {
+                0.5 * (normal * rotation * spread).dot(rotation) - cross.dot(rotation)
+            }
+            Self::General { information, linear } => {
+                let q = vec_of(rotation);
+                0.5 * q.dot(&(**information * q)) - linear.dot(rotation)
+            }
+        }
+    }
+
+    /// Spread `R` of the antennas, body frame; for the general form its like, the traces of the
+    /// blocks of `G`.
+    pub(super) fn spread(&self) -> Matrix3<f64> {
+        match self {
+            Self::Separable { spread, .. } => *spread,
+            Self::General { information, .. } => {
+                Matrix3::from_fn(|a, b| information.fixed_view::<3, 3>(3 * a, 3 * b).trace())
+            }
+        }
+    }
+
+    /// Normal matrix `N`, outside frame; for the general form its like, the sum of the diagonal
+    /// blocks of `G`.
+    pub(super) fn normal(&self) -> Matrix3<f64> {
+        match self {
+            Self::Separable { normal, .. } => *normal,
+            Self::General { information, .. } => {
+                (0..3).map(|a| information.fixed_view::<3, 3>(3 * a, 3 * a).into_owned()).sum()
+            }
+        }
+    }
+
+    /// `T = tr(M) I − M`, `M` the symmetric part of `Qᵀ ∂F/∂Q`: what the rotations take from the
+    /// curvature of the cost.
+    pub(super) fn curvature(&self, rotation: &Matrix3<f64>) -> Matrix3<f64> {
+        let here = self.expand(rotation);
+        here.information - here.hessian
+    }
+
+    /// Whether `G ⪰ λ S ⊗ I` for this `λ > 0`, where `S` is [`AttitudeProblem::spread`].
+    pub(super) fn exceeds(&self, lambda: f64, spread: &Matrix3<f64>) -> bool {
+        match self {
+            // R ⊗ N ⪰ λ R ⊗ I
+            Self::Separable { normal, .. } => {
+                is_positive_definite(normal - lambda * Matrix3::identity())
+            }
+            Self::General { information, .. } => {
+                let bound = lambda * spread.kronecker(&Matrix3::identity());
+                let lift = 1e-13 * information.trace() * Matrix9::identity();
+                is_positive_definite(**information - bound + lift)
+            }
+        }
+    }
+
+    /// Wahba's solution for the unconstrained minimum: where every method starts.
+    ///
+    /// For `G = R ⊗ N` it is the rotation nearest to `N⁻¹X = L* C lᵀ`. A singular `N` is inverted on
+    /// its range.
+    ///
+    /// # Errors
+    ///
+    /// [`AttitudeError::Unobservable`].
+    pub fn wahba_start(&self) -> Result<Matrix3<f64>, AttitudeError> {
+        let target = match self {
+            Self::Separable { normal, cross, .. } => solve_on_range3(normal, cross),
+            // Q̂ = G⁺h, weighted by the spread of the antennas
+            Self::General { information, linear } => {
+                solve_on_range9(information, linear) * self.spread()
+            }
+        };
+        Ok(nearest_rotation(&target)?.rotation)
+    }
+
+    /// The minimum that Newton's method reaches from Wahba's solution. It is the global one in
+    /// nearly every case; [`super::uniqueness`] proves or searches.
+    ///
+    /// # Errors
+    ///
+    /// [`AttitudeError::Unobservable`] for collinear antennas and for satellites that leave a turn
+    /// undetermined; input errors as in [`AttitudeError`].
+    pub fn minimum(&self) -> Result<Minimum, AttitudeError> {
+        self.check()?;
+        self.minimum_from(self.wahba_start()?)
+    }
+
+    /// The local minimum that Newton's method reaches from `start`.
+    ///
+    /// Damped: where the Hessian is not positive definite its smallest eigenvalue is lifted, and a
+    /// step that does not descend is shortened.
+    ///
+    /// # Errors
+    ///
+    /// [`AttitudeError::Unobservable`] where the minimum is not a point, and
+    /// [`AttitudeError::NoConvergence`].
+    pub fn minimum_from(&self, start: Matrix3<f64>) -> Result<Minimum, AttitudeError> {
+        let mut rotation = start;
+        let mut here = self.expand(&rotation);
+        for iterations in 1..=MAX_ITERATIONS {
+            let (step, is_newton) = damped_step(&here)?;
+            let norm = step.norm();
+            let mut scale = if norm > MAX_STEP_RAD { MAX_STEP_RAD / norm } else { 1.0 };
+            let (next, there) = loop {
+                let next = rotation * exponential(&(scale * step));
+                let there = self.expand(&next);
+                let rounding = 1e-13 * (here.cost.abs() + there.cost.abs());
+                if there.cost <= here.cost + rounding || scale * norm < 1e-6 {
+                    break (next, there);
+                }
+                scale *= 0.5;
+            };
+            (rotation, here) = (next, there);
+            if is_newton && norm < LAST_STEP_RAD {
+                check_definite(&here.information)?;
+                let Expansion { cost, information, .. } = here;
+                return Ok(Minimum { rotation, cost, information, iterations });
+            }
+        }
+        Err(AttitudeError::NoConvergence { iterations: MAX_ITERATIONS })
+    }
+
+    /// Value, gradient, Gauss–Newton matrix and Hessian at `Q`.
+    pub(super) fn expand(&self, rotation: &Matrix3<f64>) -> Expansion {
+        let (slope, linear, information) = match self {
+            Self::Separable { normal, spread, cross } => {
+                let normal_q = normal * rotation;
+                // I = mix(QᵀNQ, R)
+                let information = mix(&(rotation.transpose() * normal_q), spread);
+                (normal_q * spread - cross, cross, information)
+            }
+            Self::General { information, linear } => {
+                let q = vec_of(rotation);
+                let slope = **information * q - vec_of(linear);
+                let tangent = tangent_of(rotation);
+                // I = TᵀGT,  T = ∂q/∂θ
+                (matrix_of(&slope), linear, tangent.transpose() * (**information * tangent))
+            }
+        };
+        // A = −Qᵀ ∂F/∂Q;  ∇ = −vex(A − Aᵀ);  K = I + tr(Aₛ) 1 − Aₛ
+        let a = -(rotation.transpose() * slope);
+        let symmetric = 0.5 * (a + a.transpose());
+        let information = 0.5 * (information + information.transpose());
+        Expansion {
+            cost: 0.5 * (slope - linear).dot(rotation),
+            gradient: -vex_of_difference(&a),
+            information,
+            hessian: information + symmetric.trace() * Matrix3::identity() - symmetric,
+        }
+    }
+}
+
+/// Newton's step `K θ = −∇`, or, where `K` is not positive definite, a step of descent. Says which.
+fn damped_step(here: &Expansion) -> Result<(Vector3<f64>, bool), AttitudeError> {
+    if let Some(cholesky) = here.hessian.cholesky() {
+        return Ok((cholesky.solve(&-here.gradient), true));
+    }
+    if here.hessian.iter().any(|c| !c.is_finite()) {
+        return Err(AttitudeError::NotFinite { what: "problem" });
+    }
+    let eigen = here.hessian.symmetric_eigen();
+    let largest = eigen.eigenvalues.amax();
+    if largest == 0.0 {
+        return Err(AttitudeError::Unobservable);
+    }
+    let lowest = eigen.eigenvalues.imin();
+    if eigen.eigenvalues[lowest] > -SINGULAR_RATIO * largest {
+        return Err(AttitudeError::Unobservable);
+    }
+    // Along the lowest eigenvector the cost bends down: go at least this far that way.
+    let mut step = Vector3::zeros();
+    for (axis, value) in eigen.eigenvectors.column_iter().zip(eigen.eigenvalues.iter()) {
+        let slope = axis.dot(&here.gradient);
+        step -= axis * (slope / value.abs().max(1e-3 * largest));
+    }
+    let down = eigen.eigenvectors.column(lowest).into_owned();
+    let along = down.dot(&step);
+    if along.abs() < 0.1 {
+        step += down * (0.1_f64.copysign(along) - along);
+    }
+    Ok((step, false))
+}
+
+/// Rotation matrix of a rotation vector: `exp[θ]× = I + sin θ/θ [θ]× + (1 − cos θ)/θ² [θ]×²`.
+#[must_use]
+pub fn exponential(theta: &Vector3<f64>) -> Matrix3<f64> {
+    let angle2 = theta.norm_squared();
+    let (s, c) = if angle2 < 1e-8 {
+        // sin θ/θ = 1 − θ²/6 + …, (1 − cos θ)/θ² = ½ − θ²/24 + …
+        (1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0)
+    } else {
+        let angle = angle2.sqrt();
+        let (half_sin, half_cos) = (0.5 * angle).sin_cos();
+        (2.0 * half_sin * half_cos / angle, 2.0 * half_sin * half_sin / angle2)
+    };
+    let cross = skew(theta);
+    Matrix3::identity() + s * cross + c * (cross * cross)
+}
+
+/// `mix(X, Y) = adj(X + Y) − adj X − adj Y` for symmetric matrices: the matrix for which
+/// `X[s]×Y + Y[s]×X = [mix(X, Y) s]×`, and `θᵀ mix(X, Y) θ = tr(X[θ]×Y[θ]×ᵀ)`.
+pub(super) fn mix(x: &Matrix3<f64>, y: &Matrix3<f64>) -> Matrix3<f64> {
+    let entry = |i: usize, j: usize| {
+        let (a, b) = ((i + 1) % 3, (i + 2) % 3);
+        let (c, d) = ((j + 1) % 3, (j + 2) % 3);
+        x[(a, c)] * y[(b, d)] + x[(b, d)] * y[(a, c)]
+            - x[(a, d)] * y[(b, c)]
+            - x[(b, c)] * y[(a, d)]
+    };
+    let (xx, yy, zz) = (entry(0, 0), entry(1, 1), entry(2, 2));
+    let (xy, xz, yz) = (entry(0, 1), entry(0, 2), entry(1, 2));
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// `vex(A − Aᵀ)`: the vector whose antisymmetric matrix is `A − Aᵀ`.
+pub(super) fn vex_of_difference(a: &Matrix3<f64>) -> Vector3<f64> {
+    Vector3::new(a[(2, 1)] - a[(1, 2)], a[(0, 2)] - a[(2, 0)], a[(1, 0)] - a[(0, 1)])
+}
+
+/// Columns of `Q` one after the other.
+pub(super) fn vec_of(matrix: &Matrix3<f64>) -> SVector<f64, 9> {
+    SVector::from_column_slice(matrix.as_slice())
+}
+
+/// The other way round.
+pub(super) fn matrix_of(vector: &SVector<f64, 9>) -> Matrix3<f64> {
+    Matrix3::from_column_slice(vector.as_slice())
+}
+
+/// `∂ vec(Q exp[θ]×) / ∂θ`: column `i` is `vec(Q [eᵢ]×)`.
+pub(super) fn tangent_of(rotation: &Matrix3<f64>) -> SMatrix<f64, 9, 3> {
+    let columns =
+        [Vector3::x(), Vector3::y(), Vector3::z()].map(|e| vec_of(&(rotation * skew(&e))));
+    SMatrix::from_columns(&columns)
+}
+
+/// `N⁻¹ B`; a singular `N` is inverted on its range.
+fn solve_on_range3(normal: &Matrix3<f64>, right: &Matrix3<f64>) -> Matrix3<f64> {
+    // A Cholesky pivot far below the diagonal shows a singular matrix as well as an eigenvalue.
+    if let Some(cholesky) = normal.cholesky() {
+        let pivots = cholesky.l_dirty().diagonal();
+        if pivots.min() > 1e-5 * pivots.max() {
+            return cholesky.solve(right);
+        }
+    }
+    let eigen = normal.symmetric_eigen();
+    let floor = SINGULAR_RATIO * eigen.eigenvalues.amax();
+    let inverse = eigen.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
+    eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose() * right
+}
+
+/// `G⁺ h`, both as matrices.
+fn solve_on_range9(information: &Matrix9, linear: &Matrix3<f64>) -> Matrix3<f64> {
+    let right = vec_of(linear);
+    if let Some(cholesky) = information.cholesky() {
+        let pivots = cholesky.l_dirty().diagonal();
+        if pivots.min() > 1e-5 * pivots.max() {
+            return matrix_of(&cholesky.solve(&right));
+        }
+    }
+    let eigen = information.symmetric_eigen();
+    let floor = SINGULAR_RATIO * eigen.eigenvalues.amax();
+    let inverse = eigen.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
+    let coordinates = eigen.eigenvectors.transpose() * right;
+    matrix_of(&(eigen.eigenvectors * coordinates.component_mul(&inverse)))
+}
+
+/// Finite, symmetric and ⪰ 0, to rounding.
+fn check_semidefinite<const D: usize>(
+    what: &'static str,
+    matrix: &SMatrix<f64, D, D>,
+) -> Result<(), AttitudeError> {
+    if matrix.iter().any(|c| !c.is_finite()) {
+        return Err(AttitudeError::NotFinite { what });
+    }
+    let largest = matrix.amax();
+    let asymmetry = (matrix - matrix.transpose()).amax();
+    if asymmetry > 1e-9 * largest {
+        return Err(AttitudeError::NotSymmetric { what, difference: asymmetry });
+    }
+    // M + ε I ≻ 0: fast, and exact enough to tell rounding from a negative weight.
+    let lifted = matrix + SMatrix::<f64, D, D>::identity() * (1e-9 * largest);
+    if largest > 0.0 && !is_positive_definite(lifted) {
+        return Err(AttitudeError::Indefinite { what });
+    }
+    Ok(())
+}
+
+/// Whether `L D Lᵀ` of a symmetric matrix, computed in place, has only positive pivots.
+pub(super) fn is_positive_definite<const D: usize>(mut matrix: SMatrix<f64, D, D>) -> bool {
+    for pivot in 0..D {
+        let d = matrix[(pivot, pivot)];
+        if d <= 0.0 || d.is_nan() {
+            return false;
+        }
+        for j in pivot + 1..D {
+            let factor = matrix[(j, pivot)] / d;
+            for i in j..D {
+                matrix[(i, j)] -= factor * matrix[(i, pivot)];
+            }
+        }
+    }
+    true
+}
+
+/// Every turn is determined: the information matrix is definite by a margin above rounding.
+fn check_definite(information: &Matrix3<f64>) -> Result<(), AttitudeError> {
+    let lowered = information - SINGULAR_RATIO * information.trace() * Matrix3::identity();
+    if is_positive_definite(lowered) { Ok(()) } else { Err(AttitudeError::Unobservable) }
+}
