@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod damage;
+pub mod navigation;
 pub mod observations;
 pub mod rinex;
 pub mod source;

@@ -19,5 +19,7 @@ pub mod solution;
 // The inputs.
 pub mod observation;
 
+pub mod ephemeris;
+
 // The chain.
 pub mod attitude;

@@ -108,6 +108,17 @@ impl GpsTime {
         Some(Self::from_calendar(date)? + f64::from(leap))
     }
 
+    /// The instant closest to this one that has these seconds of week: broadcast data give times
+    /// without a trustworthy week number. `None` if `tow_s` is not finite or not within two weeks.
+    #[must_use]
+    pub fn nearest_with_tow(self, tow_s: f64) -> Option<Self> {
+        if tow_s.is_nan() || tow_s.abs() > 2.0 * WEEK_S {
+            return None;
+        }
+        let ahead_s = tow_s - self.tow_s();
+        Some(self + (ahead_s - WEEK_S * (ahead_s / WEEK_S).round()))
+    }
+
     /// From nanoseconds since 1980-01-06 00:00:00 GPST.
     #[must_use]
     pub const fn from_nanoseconds(nanoseconds: i64) -> Self {
@@ -210,8 +221,10 @@ impl fmt::Display for GpsTime {
 impl Sub for GpsTime {
     type Output = f64;
     /// Elapsed seconds.
+    #[allow(clippy::suspicious_arithmetic_impl)] // the factor turns nanoseconds into seconds
     fn sub(self, earlier: Self) -> f64 {
-        (self.nanoseconds - earlier.nanoseconds) as f64 * 1e-9
+        let elapsed_ns = self.nanoseconds.saturating_sub(earlier.nanoseconds);
+        elapsed_ns as f64 * 1e-9
     }
 }
 
@@ -297,6 +310,17 @@ mod tests {
         assert_eq!(saturday + 1.0, sunday);
         assert_eq!(GpsTime::from_week_tow(2300, 604_800.0), None);
         assert_eq!(GpsTime::from_week_tow(2300, f64::NAN), None);
+    }
+
+    #[test]
+    fn nearest_time_of_week_crosses_the_week_boundary() {
+        let sunday = GpsTime::from_week_tow(2301, 30.0).unwrap();
+        let saturday = GpsTime::from_week_tow(2300, 604_784.0).unwrap();
+        assert_eq!(sunday.nearest_with_tow(604_784.0), Some(saturday));
+        assert_eq!(saturday.nearest_with_tow(30.0), Some(sunday));
+        assert_eq!(saturday.nearest_with_tow(604_830.0), Some(sunday));
+        assert_eq!(sunday.nearest_with_tow(f64::NAN), None);
+        assert_eq!(sunday.nearest_with_tow(1e9), None);
     }
 
     #[test]

@@ -5,4 +5,5 @@
 //! (IGS/RTCM, 2024).
 
 mod fields;
+pub(crate) mod navigation;
 pub mod observation;

@@ -1,0 +1,253 @@
+//! The store of ephemerides: which record is good for a satellite at an instant.
+
+use std::collections::BTreeMap;
+
+use super::SatelliteState;
+use super::kepler::{KeplerEphemeris, Message};
+use crate::signal::{Satellite, Signal, System};
+use crate::time::GpsTime;
+
+/// One broadcast record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Ephemeris {
+    /// GPS, Galileo, BeiDou, QZSS.
+    Kepler(KeplerEphemeris),
+}
+
+/// Which Galileo message to take where both exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GalileoPreference {
+    /// I/NAV (clock of E1 and E5b), as most receivers and programs do.
+    #[default]
+    Inav,
+    /// F/NAV (clock of E1 and E5a).
+    Fnav,
+}
+
+/// Why there is no state of a satellite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoEphemeris {
+    /// No record of this satellite at all.
+    #[error("no ephemeris of {0}")]
+    Unknown(Satellite),
+    /// There are records, but none for this time.
+    #[error("no ephemeris of {0} for {1}")]
+    TooOld(Satellite, GpsTime),
+    /// The record for this time says that the satellite must not be used.
+    #[error("{0} is marked unhealthy at {1}")]
+    Unhealthy(Satellite, GpsTime),
+}
+
+/// All ephemerides of a session, sorted; records may come in any order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct EphemerisStore {
+    records: BTreeMap<Key, Ephemeris>,
+    galileo: GalileoPreference,
+}
+
+/// Satellite, message, reference time, transmission time: the order of search.
+type Key = (Satellite, Message, GpsTime, GpsTime);
+
+const START_OF_TIME: GpsTime = GpsTime::from_nanoseconds(i64::MIN);
+const END_OF_TIME: GpsTime = GpsTime::from_nanoseconds(i64::MAX);
+
+impl Ephemeris {
+    /// The satellite.
+    #[must_use]
+    pub const fn satellite(&self) -> Satellite {
+        match self {
+            Self::Kepler(kepler) => kepler.elements().satellite,
+        }
+    }
+
+    /// Reference time of the orbit.
+    #[must_use]
+    pub const fn reference_time(&self) -> GpsTime {
+        match self {
+            Self::Kepler(kepler) => kepler.elements().reference_time,
+        }
+    }
+
+    /// Position, velocity and clock at `time`, however far from the reference time; `None` where
+    /// the orbit cannot be followed that far.
+    #[must_use]
+    pub fn state(&self, time: GpsTime) -> Option<SatelliteState> {
+        match self {
+            Self::Kepler(kepler) => Some(kepler.state(time)),
+        }
+    }
+
+    /// Whether the satellite may be used at all.
+    #[must_use]
+    pub const fn is_usable(&self) -> bool {
+        match self {
+            Self::Kepler(kepler) => kepler.elements().is_usable(),
+        }
+    }
+
+    /// Whether the record admits `signal`.
+    #[must_use]
+    pub const fn is_healthy(&self, signal: Signal) -> bool {
+        match self {
+            Self::Kepler(kepler) => kepler.elements().is_healthy(signal),
+        }
+    }
+
+    /// Group delay of `signal` in metres, to be subtracted from its pseudorange; `None` if the
+    /// record does not tell. Conventions: [`super::KeplerElements::group_delay_m`].
+    #[must_use]
+    pub fn group_delay_m(&self, signal: Signal) -> Option<f64> {
+        match self {
+            Self::Kepler(kepler) => kepler.elements().group_delay_m(signal),
+        }
+    }
+
+    /// How far from the reference time the record may be used.
+    ///
+    /// GPS and QZSS: half the fit interval, at least two hours; Galileo: four hours (OS SDD 1.3,
+    /// 2.3.1.3); BeiDou: six hours, as receivers do, because the message has no interval and is
+    /// renewed every hour.
+    #[must_use]
+    pub fn max_age_s(&self) -> f64 {
+        match self {
+            Self::Kepler(kepler) => match kepler.elements().satellite.system {
+                System::Galileo => 4.0 * 3600.0,
+                System::BeiDou => 6.0 * 3600.0,
+                _ => (kepler.elements().fit_interval_s.unwrap_or(0.0) / 2.0).max(2.0 * 3600.0),
+            },
+        }
+    }
+
+    fn key(&self) -> Key {
+        match self {
+            Self::Kepler(kepler) => {
+                let e = kepler.elements();
+                (e.satellite, e.message, e.reference_time, e.transmission_time)
+            }
+        }
+    }
+}
+
+impl EphemerisStore {
+    /// An empty store that takes this Galileo message where both exist.
+    #[must_use]
+    pub fn with_galileo(galileo: GalileoPreference) -> Self {
+        Self { galileo, ..Self::default() }
+    }
+
+    /// Adds a record; one with the same satellite, message, reference and transmission time is
+    /// replaced.
+    pub fn insert(&mut self, ephemeris: Ephemeris) {
+        self.records.insert(ephemeris.key(), ephemeris);
+    }
+
+    /// Number of records.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.records.len()
+    }
+
+    /// Whether there is no record.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.records.is_empty()
+    }
+
+    /// All records, by satellite, message and time.
+    pub fn iter(&self) -> impl Iterator<Item = &Ephemeris> {
+        self.records.values()
+    }
+
+    /// The record for `satellite` at `time`: the one whose reference time is nearest, and of those
+    /// with the same reference time the one sent last; `None` if it is older than
+    /// [`Ephemeris::max_age_s`] or says that the satellite must not be used.
+    ///
+    /// Galileo has two messages: the other one serves only where the preferred one has no record
+    /// for this time.
+    #[must_use]
+    pub fn select(&self, satellite: Satellite, time: GpsTime) -> Option<&Ephemeris> {
+        self.choose(satellite, time).ok()
+    }
+
+    /// Position, velocity and clock of `satellite` when it sends, at `transmission_time` (GPST).
+    ///
+    /// # Errors
+    ///
+    /// [`NoEphemeris`] says why there is none.
+    pub fn state(
+        &self,
+        satellite: Satellite,
+        transmission_time: GpsTime,
+    ) -> Result<SatelliteState, NoEphemeris> {
+        self.choose(satellite, transmission_time)?
+            .state(transmission_time)
+            .ok_or(NoEphemeris::TooOld(satellite, transmission_time))
+    }
+
+    /// Group delay of a signal in metres, to be subtracted from its pseudorange; `None` if unknown.
+    /// Conventions: [`super::KeplerElements::group_delay_m`].
+    #[must_use]
+    pub fn group_delay_m(
+        &self,
+        satellite: Satellite,
+        signal: Signal,
+        time: GpsTime,
+    ) -> Option<f64> {
+        self.select(satellite, time)?.group_delay_m(signal)
+    }
+
+    fn choose(&self, satellite: Satellite, time: GpsTime) -> Result<&Ephemeris, NoEphemeris> {
+        let mut refusal = NoEphemeris::Unknown(satellite);
+        for message in self.messages(satellite.system) {
+            let Some(nearest) = self.nearest(satellite, *message, time) else { continue };
+            if (nearest.reference_time() - time).abs() > nearest.max_age_s() {
+                refusal = NoEphemeris::TooOld(satellite, time);
+            } else if nearest.is_usable() {
+                return Ok(nearest);
+            } else {
+                return Err(NoEphemeris::Unhealthy(satellite, time));
+            }
+        }
+        Err(refusal)
+    }
+
+    /// The messages of a system, the preferred one first.
+    const fn messages(&self, system: System) -> &'static [Message] {
+        match (system, self.galileo) {
+            (System::Gps | System::Qzss, _) => &[Message::Lnav],
+            (System::Galileo, GalileoPreference::Inav) => {
+                &[Message::GalileoInav, Message::GalileoFnav]
+            }
+            (System::Galileo, GalileoPreference::Fnav) => {
+                &[Message::GalileoFnav, Message::GalileoInav]
+            }
+            (System::BeiDou, _) => &[Message::BeiDouD1, Message::BeiDouD2],
+            (System::Glonass, _) => &[Message::GlonassFdma],
+            (System::NavIc | System::Sbas, _) => &[],
+        }
+    }
+
+    fn nearest(&self, satellite: Satellite, message: Message, time: GpsTime) -> Option<&Ephemeris> {
+        let last_at = |reference: GpsTime| {
+            let first = (satellite, message, START_OF_TIME, START_OF_TIME);
+            let last = (satellite, message, reference, END_OF_TIME);
+            self.records.range(first..=last).next_back()
+        };
+        let before = last_at(time);
+        let after = self
+            .records
+            .range((satellite, message, time, END_OF_TIME)..)
+            .next()
+            .filter(|((of, from, ..), _)| (*of, *from) == (satellite, message))
+            .and_then(|((_, _, reference, _), _)| last_at(*reference));
+        let distance_s = |(_, record): &(&Key, &Ephemeris)| (record.reference_time() - time).abs();
+        match (before, after) {
+            (Some(before), Some(after)) if distance_s(&after) < distance_s(&before) => {
+                Some(after.1)
+            }
+            (Some((_, record)), _) | (None, Some((_, record))) => Some(record),
+            (None, None) => None,
+        }
+    }
+}
