@@ -170,7 +170,7 @@ impl Record {
     /// Which message a record is; `None` for those that are read past.
     fn message_of(&self, satellite: Satellite) -> Option<Message> {
         // Bit 8 of Galileo's data sources: the clock is that of E1 and E5a.
-        let is_fnav = || self.value(20) as i64 & 0x100 != 0;
+        let is_fnav = || whole(self.value(20)).is_some_and(|sources| sources & 0x100 != 0);
         match (satellite.system, self.message.as_str()) {
             (System::Gps | System::Qzss, "" | "LNAV") => Some(Message::Lnav),
             (System::Galileo, "") if is_fnav() => Some(Message::GalileoFnav),
