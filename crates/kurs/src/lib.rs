@@ -23,3 +23,6 @@ pub mod ephemeris;
 
 // The chain.
 pub mod attitude;
+
+// Beside the chain.
+pub mod trajectory;

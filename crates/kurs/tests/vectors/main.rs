@@ -9,6 +9,7 @@
 
 mod attitude;
 mod case;
+mod trajectory;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ const KINDS: [(&str, &str, Option<Check>); 7] = [
     ("attitude", "phase_collinear", None),
     ("three_point", "three_point", None),
     ("baseline", "baseline", None),
-    ("trajectory", "trajectory", None),
+    ("trajectory", "trajectory", Some(trajectory::check)),
     ("filter_model", "filter_model", None),
 ];
 
