@@ -24,5 +24,7 @@ pub mod ephemeris;
 // The chain.
 pub mod attitude;
 
+pub mod ambiguity;
+
 // Beside the chain.
 pub mod trajectory;

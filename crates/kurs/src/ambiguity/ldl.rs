@@ -1,0 +1,157 @@
+//! Factorization of the float-ambiguity covariance, the first step of LAMBDA.
+//!
+//! Source: de Jonge & Tiberius (1996), *The LAMBDA method for integer ambiguity estimation:
+//! implementation aspects*; symmetric pivoting after Chang, Yang & Zhou (2005), *MLAMBDA*.
+
+use nalgebra::DMatrix;
+
+use super::AmbiguityError;
+
+/// `P Q Pᵀ = Lᵀ D L`, `L` unit lower triangular, `D` diagonal, `P` a permutation.
+///
+/// The last ambiguity is eliminated first, so the last element of `D` is its plain variance and
+/// the first one the variance of the first ambiguity given all others. Among the ambiguities that
+/// remain, the one with the smallest conditional variance goes next: `D` comes out nearly in the
+/// order that the search wants.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ldl {
+    /// `L`, `n × n`, no unit; zeros above the diagonal.
+    pub lower: DMatrix<f64>,
+    /// `D`, `n` conditional variances, cycles².
+    pub variances: Vec<f64>,
+    /// Position `i` of the factorization is ambiguity `order[i]` of the covariance.
+    pub order: Vec<usize>,
+}
+
+impl Default for Ldl {
+    fn default() -> Self {
+        Self { lower: DMatrix::zeros(0, 0), variances: Vec::new(), order: Vec::new() }
+    }
+}
+
+impl Ldl {
+    /// Factors `covariance` (`n × n`, cycles²; its lower triangle is read), reusing memory.
+    ///
+    /// # Errors
+    ///
+    /// [`AmbiguityError::Empty`], [`AmbiguityError::Dimension`] if it is not square, and
+    /// [`AmbiguityError::NotPositiveDefinite`].
+    pub fn factor(&mut self, covariance: &DMatrix<f64>) -> Result<(), AmbiguityError> {
+        let n = covariance.nrows();
+        if n == 0 {
+            return Err(AmbiguityError::Empty);
+        }
+        if covariance.ncols() != n {
+            let found = covariance.ncols();
+            return Err(AmbiguityError::Dimension { what: "the covariance", found, expected: n });
+        }
+        self.lower.clone_from(covariance);
+        self.variances.clear();
+        self.variances.resize(n, 0.0);
+        self.order.clear();
+        self.order.extend(0..n);
+
+        let q = self.lower.as_mut_slice(); // column-major: qⱼₖ is q[j + k n]
+        let mut row = vec![0.0; n];
+        for i in (0..n).rev() {
+            let mut pivot = i;
+            for j in 0..i {
+                if q[j + j * n] < q[pivot + pivot * n] {
+                    pivot = j;
+                }
+            }
+            exchange(q, n, pivot, i);
+            self.order.swap(pivot, i);
+
+            // dᵢ = qᵢᵢ
+            let variance = q[i + i * n];
+            if !(variance > 0.0 && variance.is_finite()) {
+                return Err(AmbiguityError::NotPositiveDefinite { index: self.order[i], variance });
+            }
+            self.variances[i] = variance;
+
+            // lᵢₖ = qᵢₖ / dᵢ,   qⱼₖ ← qⱼₖ − qᵢⱼ lᵢₖ      for k ≤ j < i
+            for k in 0..i {
+                row[k] = q[i + k * n];
+            }
+            for k in 0..i {
+                let l_ik = row[k] / variance;
+                for (q_jk, q_ij) in q[k + k * n..i + k * n].iter_mut().zip(&row[k..i]) {
+                    *q_jk -= q_ij * l_ik;
+                }
+                q[i + k * n] = l_ik;
+            }
+            q[i + i * n] = 1.0;
+            q[i * n..i + i * n].fill(0.0);
+        }
+        Ok(())
+    }
+}
+
+/// Exchanges ambiguities `p <= i` in the lower triangle of `q`, in which the rows below `i`
+/// already hold `L`.
+fn exchange(q: &mut [f64], n: usize, p: usize, i: usize) {
+    if p == i {
+        return;
+    }
+    for column in 0..p {
+        q.swap(p + column * n, i + column * n);
+    }
+    q.swap(p + p * n, i + i * n);
+    for between in p + 1..i {
+        q.swap(between + p * n, i + between * n);
+    }
+    for below in i + 1..n {
+        q.swap(below + p * n, below + i * n);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::problems::{faq_covariance, random_covariance, seeded};
+    use super::*;
+
+    fn rebuilt(factors: &Ldl) -> DMatrix<f64> {
+        let n = factors.variances.len();
+        let d = DMatrix::from_diagonal(&factors.variances.clone().into());
+        let permuted = factors.lower.transpose() * d * &factors.lower;
+        let mut q = DMatrix::zeros(n, n);
+        for i in 0..n {
+            for j in 0..n {
+                q[(factors.order[i], factors.order[j])] = permuted[(i, j)];
+            }
+        }
+        q
+    }
+
+    #[test]
+    fn product_gives_the_covariance_back() {
+        let mut factors = Ldl::default();
+        factors.factor(&faq_covariance()).unwrap();
+        assert!((rebuilt(&factors) - faq_covariance()).amax() < 1e-14);
+        assert_eq!(factors.order[2], 2, "6.288 is the smallest variance");
+    }
+
+    #[test]
+    fn a_thousand_random_covariances_are_rebuilt() {
+        let mut random = seeded(1);
+        let mut factors = Ldl::default();
+        for case in 0..1000 {
+            let q = random_covariance(&mut random, 1 + case % 40);
+            factors.factor(&q).unwrap();
+            let error = (rebuilt(&factors) - &q).amax() / q.amax();
+            assert!(error < 1e-13, "case {case}: {error:e}");
+        }
+    }
+
+    #[test]
+    fn singular_covariance_is_named_not_panicked() {
+        let q = DMatrix::from_element(2, 2, 1.0);
+        let found = Ldl::default().factor(&q);
+        assert_eq!(found, Err(AmbiguityError::NotPositiveDefinite { index: 0, variance: 0.0 }));
+        let not_square = Ldl::default().factor(&DMatrix::zeros(2, 3));
+        assert!(matches!(not_square, Err(AmbiguityError::Dimension { found: 3, expected: 2, .. })));
+        let not_a_number = Ldl::default().factor(&DMatrix::from_element(2, 2, f64::NAN));
+        assert!(matches!(not_a_number, Err(AmbiguityError::NotPositiveDefinite { .. })));
+    }
+}

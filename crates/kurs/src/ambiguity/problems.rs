@@ -1,0 +1,197 @@
+//! Seeded random problems for the tests, examples and benchmarks of this module.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+use super::MixedFloat;
+
+/// Wavelength of GPS L1, m.
+pub(crate) const L1_M: f64 = 299_792_458.0 / 1_575.42e6;
+/// Wavelength of GPS L2, m.
+pub(crate) const L2_M: f64 = 299_792_458.0 / 1_227.60e6;
+
+pub(crate) fn seeded(seed: u64) -> Xoshiro256PlusPlus {
+    Xoshiro256PlusPlus::seed_from_u64(seed)
+}
+
+/// The 3 × 3 example of Joosten & Tiberius, *LAMBDA: FAQs*, GPS Solutions 6 (2002).
+pub(crate) fn faq_covariance() -> DMatrix<f64> {
+    DMatrix::from_row_slice(3, 3, &[6.290, 5.978, 0.544, 5.978, 6.292, 2.340, 0.544, 2.340, 6.288])
+}
+
+/// A well-filled positive definite matrix.
+pub(crate) fn random_covariance(random: &mut Xoshiro256PlusPlus, n: usize) -> DMatrix<f64> {
+    let root = DMatrix::from_fn(n, n, |_, _| normal(random));
+    &root * root.transpose() + DMatrix::identity(n, n) * 0.1
+}
+
+/// Float ambiguities of some hundred thousand cycles.
+pub(crate) fn random_float(random: &mut Xoshiro256PlusPlus, n: usize) -> Vec<f64> {
+    (0..n).map(|_| random.random_range(-1e5..1e5)).collect()
+}
+
+/// Float ambiguities drawn around integers with the covariance `q`.
+pub(crate) fn float_near_integers(random: &mut Xoshiro256PlusPlus, q: &DMatrix<f64>) -> Vec<f64> {
+    let root = q.clone().cholesky().expect("positive definite").l();
+    let white = DVector::from_fn(q.nrows(), |_, _| normal(random));
+    (root * white)
+        .iter()
+        .map(|noise| noise + random.random_range(-100_000_i32..100_000) as f64)
+        .collect()
+}
+
+/// Covariance of `n` ambiguities of one epoch on one band (odd `n`) or two bands (even `n`).
+pub(crate) fn geometry_covariance(random: &mut Xoshiro256PlusPlus, n: usize) -> DMatrix<f64> {
+    let bands: &[f64] = if n.is_multiple_of(2) && n >= 8 { &[L1_M, L2_M] } else { &[L1_M] };
+    let sky = Sky::random(random, n / bands.len() + 1);
+    let noise = Noise { code_m: 0.3, phase_m: 0.003 };
+    sky.epoch(random, bands, noise, &[Vector3::new(1.0, 0.0, 0.0)]).float.ambiguity_covariance
+}
+
+pub(crate) fn normal(random: &mut Xoshiro256PlusPlus) -> f64 {
+    StandardNormal.sample(random)
+}
+
+/// Undifferenced standard deviations, m, the same for all satellites.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Noise {
+    pub code_m: f64,
+    pub phase_m: f64,
+}
+
+/// Directions to satellites, east-north-up.
+#[derive(Debug, Clone)]
+pub(crate) struct Sky {
+    pub lines_of_sight: Vec<Vector3<f64>>,
+}
+
+/// Largest position dilution of precision drawn; four satellites rarely reach it.
+const MAX_PDOP: f64 = 8.0;
+
+impl Sky {
+    /// `satellites` with the sine of the elevation uniform in [sin 10°, 1] and azimuth uniform,
+    /// drawn again until the position dilution of precision is below eight.
+    pub(crate) fn random(random: &mut Xoshiro256PlusPlus, satellites: usize) -> Self {
+        loop {
+            let lines_of_sight = (0..satellites)
+                .map(|_| {
+                    let sine: f64 = random.random_range(10_f64.to_radians().sin()..1.0);
+                    let azimuth: f64 = random.random_range(0.0..std::f64::consts::TAU);
+                    let cosine = (1.0 - sine * sine).sqrt();
+                    Vector3::new(cosine * azimuth.sin(), cosine * azimuth.cos(), sine)
+                })
+                .collect();
+            let sky = Self { lines_of_sight };
+            if sky.position_dilution() < MAX_PDOP {
+                return sky;
+            }
+        }
+    }
+
+    fn position_dilution(&self) -> f64 {
+        let count = self.lines_of_sight.len() as f64;
+        let mean = self.lines_of_sight.iter().sum::<Vector3<f64>>() / count;
+        let scatter: Matrix3<f64> =
+            self.lines_of_sight.iter().map(|u| (u - mean) * (u - mean).transpose()).sum();
+        scatter.try_inverse().map_or(f64::INFINITY, |inverse| inverse.trace().sqrt())
+    }
+
+    /// Double differences to the first satellite: rows `−(uᵢ − u₀)ᵀ`.
+    pub(crate) fn design(&self) -> DMatrix<f64> {
+        let rows = self.lines_of_sight.len() - 1;
+        DMatrix::from_fn(rows, 3, |i, axis| {
+            self.lines_of_sight[0][axis] - self.lines_of_sight[i + 1][axis]
+        })
+    }
+
+    /// One epoch of double differences of `baselines_m` that share antenna 0, observed on every
+    /// band in `wavelengths_m`, and its float solution.
+    pub(crate) fn epoch(
+        &self,
+        random: &mut Xoshiro256PlusPlus,
+        wavelengths_m: &[f64],
+        noise: Noise,
+        baselines_m: &[Vector3<f64>],
+    ) -> Epoch {
+        let double_differences = self.lines_of_sight.len() - 1;
+        let per_baseline = double_differences * wavelengths_m.len();
+        let n = per_baseline * baselines_m.len();
+        let reals = 3 * baselines_m.len();
+        let one_band = self.design();
+        let mut design = DMatrix::zeros(n, reals);
+        for baseline in 0..baselines_m.len() {
+            for band in 0..wavelengths_m.len() {
+                let row = baseline * per_baseline + band * double_differences;
+                design.view_mut((row, 3 * baseline), (double_differences, 3)).copy_from(&one_band);
+            }
+        }
+        // Antenna 0 is in every baseline, satellite 0 in every double difference.
+        let shared = DMatrix::from_fn(n, n, |i, j| {
+            let same_band =
+                i % per_baseline / double_differences == j % per_baseline / double_differences;
+            if !same_band {
+                return 0.0;
+            }
+            let antennas = if i / per_baseline == j / per_baseline { 2.0 } else { 1.0 };
+            let satellites =
+                if i % double_differences == j % double_differences { 2.0 } else { 1.0 };
+            antennas * satellites
+        });
+        let root = shared.clone().cholesky().expect("positive definite").l();
+        let mut draw = |sigma_m: f64| {
+            let white = DVector::from_fn(n, |_, _| normal(random));
+            &root * white * sigma_m
+        };
+        let code_noise_m = draw(noise.code_m);
+        let phase_noise_m = draw(noise.phase_m);
+        let truth_m =
+            DVector::from_iterator(reals, baselines_m.iter().flat_map(|b| b.iter().copied()));
+        let integers: Vec<i64> =
+            (0..n).map(|_| random.random_range(-1_000_000..1_000_000)).collect();
+        let wavelengths =
+            DVector::from_fn(n, |i, _| wavelengths_m[i % per_baseline / double_differences]);
+
+        let range_m = &design * &truth_m;
+        let code_m = &range_m + code_noise_m;
+        let fraction_cycles = (&range_m + phase_noise_m).component_div(&wavelengths);
+
+        // b̂ = (Gᵀ W G)⁻¹ Gᵀ W P,   â = Λ⁻¹ (Φ − G b̂)
+        let weight = shared.clone().cholesky().expect("positive definite").inverse();
+        let weighted = design.transpose() * &weight;
+        let inverse_normal = (&weighted * &design).cholesky().expect("three dimensions").inverse();
+        let reals_m = &inverse_normal * &weighted * code_m;
+        let offset = (&design * &reals_m).component_div(&wavelengths);
+        let ambiguities =
+            DVector::from_fn(n, |i, _| fraction_cycles[i] + integers[i] as f64 - offset[i]);
+
+        // Q_b = σ_P² (Gᵀ W G)⁻¹,   Q_ba = −Q_b Gᵀ Λ⁻¹,   Q_a = Λ⁻¹ (σ_φ² S + G Q_b Gᵀ) Λ⁻¹
+        let inverse_wavelengths = DMatrix::from_diagonal(&wavelengths.map(|w| 1.0 / w));
+        let q_b = &inverse_normal * noise.code_m.powi(2);
+        let cross_covariance = -(&q_b * design.transpose() * &inverse_wavelengths);
+        let ambiguity_covariance = &inverse_wavelengths
+            * (&shared * noise.phase_m.powi(2) + &design * &q_b * design.transpose())
+            * &inverse_wavelengths;
+        // Q_b|a = (σ_P⁻² + σ_φ⁻²)⁻¹ (Gᵀ W G)⁻¹
+        let precision = noise.code_m.powi(-2) + noise.phase_m.powi(-2);
+        let conditional_covariance_m2 = inverse_normal / precision;
+        Epoch {
+            float: MixedFloat {
+                ambiguities,
+                ambiguity_covariance,
+                reals_m,
+                cross_covariance,
+                conditional_covariance_m2,
+            },
+            integers,
+        }
+    }
+}
+
+/// A float solution and the integers behind it.
+#[derive(Debug, Clone)]
+pub(crate) struct Epoch {
+    pub float: MixedFloat,
+    pub integers: Vec<i64>,
+}
