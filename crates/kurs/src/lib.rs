@@ -22,6 +22,8 @@ pub mod observation;
 pub mod ephemeris;
 
 // The chain.
+pub mod selection;
+
 pub mod attitude;
 
 pub mod ambiguity;

@@ -1,0 +1,272 @@
+//! The convex relaxation: baselines taken in shares 0 ≤ s ≤ 1 instead of wholly or not at all. Its
+//! optimum bounds every choice, and its shares say which baselines matter.
+//!
+//! With F(s) = Σ sₖ wₖ lₖ lₖᵀ (or the attitude information of it) each criterion is a linear
+//! programme with matrix inequalities:
+//!
+//! * λ_min: max t, F ⪰ t I (problem 1 as published);
+//! * κ: with z = τ s, min k, I ⪯ F(z) ⪯ k I (problem 2 as published, homogenised: no bisection);
+//! * tr J⁻¹: min Σ uᵢ, [J eᵢ; eᵢᵀ uᵢ] ⪰ 0.
+
+use nalgebra::{DVector, Matrix3, Matrix4};
+
+use super::cone_program::{Block, ConeProgram, Inequality};
+use super::{Baselines, Criterion, Graph};
+
+/// Up to this many antennas a tree is described by all its subset constraints; beyond, by the
+/// weaker ones of the general graph, because there are 2ⁿ of them.
+const SUBSET_ANTENNAS: usize = 12;
+
+/// Optimum of the relaxation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relaxed {
+    /// Share 0 ≤ s ≤ 1 of each baseline; they sum to n − 1.
+    pub shares: Vec<f64>,
+    /// No choice has a better value of the criterion than this.
+    pub bound: f64,
+}
+
+/// The relaxation of the choice of a graph of kind `graph` by `criterion`.
+///
+/// Where the solver finds no certificate (an array that is flat almost to rounding) the bound is the
+/// trivial one: 1 for condition numbers, 0 or infinity for the others.
+#[must_use]
+pub fn relax(baselines: &Baselines, graph: Graph, criterion: Criterion) -> Relaxed {
+    match criterion {
+        Criterion::BaselineCondition => least_condition(baselines, graph, Information::Baselines),
+        Criterion::InformationCondition => least_condition(baselines, graph, Information::Attitude),
+        Criterion::SmallestInformation => {
+            largest_smallest_eigenvalue(baselines, graph, Information::Attitude)
+        }
+        Criterion::TraceOfCovariance => least_trace_of_inverse(baselines, graph),
+    }
+}
+
+/// Which matrix of the shares a relaxation is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Information {
+    /// F = Σ s w l lᵀ.
+    Baselines,
+    /// J = tr(F) I − F.
+    Attitude,
+}
+
+/// One baseline's contribution to the matrix, divided by the mean squared length: numbers near 1.
+fn terms(baselines: &Baselines, information: Information) -> (Vec<Matrix3<f64>>, f64) {
+    let scale = baselines.scaled_m.iter().map(|l| l.norm_squared()).sum::<f64>()
+        / baselines.scaled_m.len() as f64;
+    let term = |gram: &super::Gram| {
+        let matrix = gram.matrix() / scale;
+        match information {
+            Information::Baselines => matrix,
+            Information::Attitude => Matrix3::from_diagonal_element(matrix.trace()) - matrix,
+        }
+    };
+    (baselines.grams.iter().map(term).collect(), scale)
+}
+
+/// Shares of equal size: inside every constraint.
+fn equal_shares(baselines: &Baselines) -> DVector<f64> {
+    DVector::from_element(baselines.pairs.len(), 2.0 / baselines.antennas as f64)
+}
+
+/// Constraints (2) and, for trees, (4) of the paper; (3) follows from (4) and the sum.
+///
+/// `scale` is the variable that the right-hand sides are multiplied with, if the problem is
+/// homogenised.
+fn constraints(baselines: &Baselines, graph: Graph, scale: Option<usize>) -> Vec<Inequality> {
+    let antennas = baselines.antennas;
+    let within = |members: u32| {
+        let pairs = baselines.pairs.iter().enumerate();
+        pairs.filter(move |(_, (i, j))| members >> i & members >> j & 1 == 1).map(|(k, _)| k)
+    };
+    let inequality = |mut terms: Vec<(usize, f64)>, bound: f64| match scale {
+        Some(variable) => {
+            terms.push((variable, -bound));
+            Inequality { terms, bound: 0.0 }
+        }
+        None => Inequality { terms, bound },
+    };
+    // s ≥ 0
+    let mut list: Vec<Inequality> = (0..baselines.pairs.len())
+        .map(|k| Inequality { terms: vec![(k, -1.0)], bound: 0.0 })
+        .collect();
+    if graph == Graph::SpanningTree && antennas <= SUBSET_ANTENNAS {
+        // (4): Σ s inside a set of antennas ≤ its size − 1; pairs give s ≤ 1
+        for members in 1_u32..(1 << antennas) - 1 {
+            let size = members.count_ones();
+            if size >= 2 {
+                let terms = within(members).map(|k| (k, 1.0)).collect();
+                list.push(inequality(terms, f64::from(size) - 1.0));
+            }
+        }
+    } else {
+        // (2): s ≤ 1 and Σ s at each antenna ≥ 1
+        for k in 0..baselines.pairs.len() {
+            list.push(inequality(vec![(k, 1.0)], 1.0));
+        }
+        for antenna in 0..antennas {
+            let touching = baselines.pairs.iter().enumerate();
+            let terms = touching
+                .filter(|(_, (i, j))| *i == antenna || *j == antenna)
+                .map(|(k, _)| (k, -1.0))
+                .collect();
+            list.push(inequality(terms, -1.0));
+        }
+    }
+    list
+}
+
+/// The 3×3 matrix as a block whose fourth row does nothing.
+fn block(constant: Matrix3<f64>, terms: Vec<Matrix3<f64>>) -> Block {
+    let embed = |matrix: &Matrix3<f64>, corner: f64| {
+        let mut embedded = Matrix4::zeros();
+        embedded.fixed_view_mut::<3, 3>(0, 0).copy_from(matrix);
+        embedded[(3, 3)] = corner;
+        embedded
+    };
+    Block {
+        constant: embed(&constant, 1.0),
+        terms: terms.iter().map(|term| embed(term, 0.0)).collect(),
+    }
+}
+
+/// Extends a vector over the baselines by further variables.
+fn extended(shares: &DVector<f64>, further: &[f64]) -> DVector<f64> {
+    DVector::from_iterator(shares.len() + further.len(), shares.iter().chain(further).copied())
+}
+
+fn sum_of_shares(count: usize, further: &[f64]) -> DVector<f64> {
+    extended(&DVector::from_element(count, 1.0), further)
+}
+
+/// Smallest and largest eigenvalue.
+fn extremes(matrix: &Matrix3<f64>) -> (f64, f64) {
+    let eigenvalues = matrix.symmetric_eigenvalues();
+    (eigenvalues.min(), eigenvalues.max())
+}
+
+fn combine(terms: &[Matrix3<f64>], shares: &DVector<f64>) -> Matrix3<f64> {
+    terms.iter().zip(shares.iter()).fold(Matrix3::zeros(), |sum, (term, s)| sum + term * *s)
+}
+
+/// Problem 1: max t subject to F(s) − t I ⪰ 0. The bound is on λ_min, m².
+pub(super) fn largest_smallest_eigenvalue(
+    baselines: &Baselines,
+    graph: Graph,
+    information: Information,
+) -> Relaxed {
+    let (terms, scale) = terms(baselines, information);
+    let count = terms.len();
+    let shares = equal_shares(baselines);
+    let (smallest, largest) = extremes(&combine(&terms, &shares));
+    let programme = ConeProgram {
+        cost: extended(&DVector::zeros(count), &[-1.0]),
+        equality: sum_of_shares(count, &[0.0]),
+        inequalities: constraints(baselines, graph, None),
+        blocks: vec![block(Matrix3::zeros(), [terms, vec![-Matrix3::identity()]].concat())],
+    };
+    match programme.minimise(extended(&shares, &[smallest - 0.1 * largest])) {
+        Some(optimum) => Relaxed {
+            shares: optimum.x.rows(0, count).iter().copied().collect(),
+            bound: -optimum.bound * scale,
+        },
+        None => Relaxed { shares: shares.iter().copied().collect(), bound: f64::INFINITY },
+    }
+}
+
+/// Problem 2 for one v: min λ_max(F) − v λ_min(F) as min t₁ − v t₂ subject to t₁ I ⪰ F ⪰ t₂ I.
+/// Returns the shares and the minimum in units of the mean squared length.
+pub(super) fn least_weighted_spread(
+    baselines: &Baselines,
+    graph: Graph,
+    v: f64,
+) -> (Vec<f64>, f64) {
+    let (terms, _) = terms(baselines, Information::Baselines);
+    let count = terms.len();
+    let shares = equal_shares(baselines);
+    let (smallest, largest) = extremes(&combine(&terms, &shares));
+    let negative: Vec<Matrix3<f64>> = terms.iter().map(|term| -term).collect();
+    let identity = Matrix3::identity();
+    let zero = Matrix3::zeros();
+    let programme = ConeProgram {
+        cost: extended(&DVector::zeros(count), &[1.0, -v]),
+        equality: sum_of_shares(count, &[0.0, 0.0]),
+        inequalities: constraints(baselines, graph, None),
+        blocks: vec![
+            block(zero, [negative, vec![identity, zero]].concat()),
+            block(zero, [terms, vec![zero, -identity]].concat()),
+        ],
+    };
+    let start = extended(&shares, &[1.1 * largest, smallest - 0.1 * largest]);
+    let x = programme.minimise(start.clone()).map_or(start, |optimum| optimum.x);
+    let value = programme.cost.dot(&x);
+    (x.rows(0, count).iter().copied().collect(), value)
+}
+
+/// Problem 2 at once: z = τ s, min k subject to I ⪯ F(z) ⪯ k I. The bound is on κ.
+pub(super) fn least_condition(
+    baselines: &Baselines,
+    graph: Graph,
+    information: Information,
+) -> Relaxed {
+    let (terms, _) = terms(baselines, information);
+    let count = terms.len();
+    let shares = equal_shares(baselines);
+    let (smallest, largest) = extremes(&combine(&terms, &shares));
+    let negative: Vec<Matrix3<f64>> = terms.iter().map(|term| -term).collect();
+    let identity = Matrix3::identity();
+    let zero = Matrix3::zeros();
+    let programme = ConeProgram {
+        cost: extended(&DVector::zeros(count), &[0.0, 1.0]),
+        // Σ z = (n − 1) τ
+        equality: sum_of_shares(count, &[1.0 - baselines.antennas as f64, 0.0]),
+        inequalities: constraints(baselines, graph, Some(count)),
+        blocks: vec![
+            block(-identity, [terms, vec![zero, zero]].concat()),
+            block(zero, [negative, vec![zero, identity]].concat()),
+        ],
+    };
+    // Twice the smallest multiple of equal shares that is above I.
+    let scale = 2.0 / smallest;
+    let start = extended(&(&shares * scale), &[scale, 2.0 * largest * scale]);
+    match programme.minimise(start) {
+        Some(optimum) => Relaxed {
+            shares: optimum.x.rows(0, count).iter().map(|z| z / optimum.x[count]).collect(),
+            bound: optimum.bound.max(1.0),
+        },
+        None => Relaxed { shares: shares.iter().copied().collect(), bound: 1.0 },
+    }
+}
+
+/// min Σ uᵢ subject to [J(s) eᵢ; eᵢᵀ uᵢ] ⪰ 0, that is uᵢ ≥ (J⁻¹)ᵢᵢ. The bound is on tr J⁻¹, m⁻².
+fn least_trace_of_inverse(baselines: &Baselines, graph: Graph) -> Relaxed {
+    let (terms, scale) = terms(baselines, Information::Attitude);
+    let count = terms.len();
+    let shares = equal_shares(baselines);
+    let (smallest, _) = extremes(&combine(&terms, &shares));
+    let variance_block = |axis: usize| {
+        let mut block = block(Matrix3::zeros(), terms.clone());
+        block.constant[(3, 3)] = 0.0;
+        (block.constant[(axis, 3)], block.constant[(3, axis)]) = (1.0, 1.0);
+        for variance in 0..3 {
+            let mut term = Matrix4::zeros();
+            term[(3, 3)] = f64::from(u8::from(variance == axis));
+            block.terms.push(term);
+        }
+        block
+    };
+    let programme = ConeProgram {
+        cost: extended(&DVector::zeros(count), &[1.0; 3]),
+        equality: sum_of_shares(count, &[0.0; 3]),
+        inequalities: constraints(baselines, graph, None),
+        blocks: (0..3).map(variance_block).collect(),
+    };
+    match programme.minimise(extended(&shares, &[2.0 / smallest; 3])) {
+        Some(optimum) => Relaxed {
+            shares: optimum.x.rows(0, count).iter().copied().collect(),
+            bound: optimum.bound.max(0.0) / scale,
+        },
+        None => Relaxed { shares: shares.iter().copied().collect(), bound: 0.0 },
+    }
+}
