@@ -114,7 +114,7 @@ impl ConeProgram {
         for inequality in &self.inequalities {
             let slack = inequality.bound
                 - inequality.terms.iter().map(|(i, coefficient)| coefficient * x[*i]).sum::<f64>();
-            if !(slack > 0.0) {
+            if slack.is_nan() || slack <= 0.0 {
                 return None;
             }
             value -= slack.ln();
@@ -172,7 +172,9 @@ impl ConeProgram {
         let across = factor.solve(&self.equality);
         // Δx = −H⁻¹∇ + H⁻¹a (aᵀH⁻¹∇)/(aᵀH⁻¹a)
         let multiplier = self.equality.dot(&free) / self.equality.dot(&across);
-        let step = across * multiplier - free;
+        let mut step = across * multiplier - free;
+        // What rounding leaves of a·Δx near the border must not add up.
+        step -= &self.equality * (self.equality.dot(&step) / self.equality.norm_squared());
         step.iter().all(|s| s.is_finite()).then_some(step)
     }
 }

@@ -177,3 +177,87 @@ impl CoverSearch<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::selection::relaxation::least_condition;
+    use crate::selection::swap::tests::random_array;
+    use crate::selection::{best_by_enumeration, for_each_graph};
+    use rand::{RngExt, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    /// Thirty bisections of problem 2 end at the condition number that the one homogenised programme
+    /// gives at once.
+    #[test]
+    fn bisection_and_the_homogenised_programme_agree() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(40);
+        for antennas in [4, 5, 6] {
+            let baselines = random_array(antennas, &mut random);
+            for graph in [Graph::SpanningTree, Graph::General] {
+                let shares = problem_2(&baselines, graph, 30);
+                let bisected = condition(&baselines, &shares);
+                let at_once = least_condition(&baselines, graph, Information::Baselines);
+                assert!((bisected / at_once.bound - 1.0).abs() < 1e-5, "{antennas} {graph:?}");
+                let (first, second) =
+                    (condition(&baselines, &problem_1(&baselines, graph)), bisected);
+                assert!(second <= first * (1.0 + 1e-6), "problem 2 refines problem 1");
+            }
+        }
+    }
+
+    /// The tree and the cover with the smallest sums, against all of them.
+    #[test]
+    fn rounding_is_exact() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(41);
+        for antennas in [3, 4, 5, 6, 7] {
+            let baselines = random_array(antennas, &mut random);
+            for _ in 0..20 {
+                let shares: Vec<f64> =
+                    (0..baselines.pairs.len()).map(|_| random.random_range(0.0..1.0)).collect();
+                for weight in [RoundingWeight::Complement, RoundingWeight::InverseSquare] {
+                    let weights = weight.of(&shares);
+                    let sum = |chosen: &[usize]| chosen.iter().map(|k| weights[*k]).sum::<f64>();
+                    for graph in [Graph::SpanningTree, Graph::General] {
+                        let mut smallest = f64::INFINITY;
+                        for_each_graph(&baselines, graph, |chosen, _| {
+                            smallest = smallest.min(sum(chosen));
+                        });
+                        let rounded = round(&baselines, graph, &shares, weight);
+                        assert!((sum(&rounded) - smallest).abs() < 1e-12, "{antennas} {graph:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// A triangle and a separate edge in its plane: the integer programme takes them, the guard not.
+    #[test]
+    fn the_guard_refuses_parts_in_a_plane() {
+        use crate::array::AntennaArray;
+        use crate::frames::Vector;
+        let positions = vec![
+            Vector::new(0.0, 0.0, 0.0),
+            Vector::new(1.0, 0.0, 0.0),
+            Vector::new(0.0, 1.0, 0.0),
+            Vector::new(0.3, 0.2, 1.0),
+            Vector::new(0.9, 0.7, 1.000_01),
+        ];
+        let baselines = Baselines::of(&AntennaArray::new(positions).unwrap()).unwrap();
+        let mut shares = vec![0.3; baselines.pairs.len()];
+        for (k, pair) in baselines.pairs.iter().enumerate() {
+            if [(0, 1), (0, 2), (1, 2), (3, 4)].contains(pair) {
+                shares[k] = 0.9;
+            }
+        }
+        let criterion = Criterion::BaselineCondition;
+        let weight = RoundingWeight::Complement;
+        let plain = round(&baselines, Graph::General, &shares, weight);
+        assert_eq!(baselines.pairs_of(&plain), [(0, 1), (0, 2), (1, 2), (3, 4)]);
+        assert!(baselines.value(&plain, criterion) > 1e9);
+        let guarded = round_with_guard(&baselines, Graph::General, &shares, weight, criterion);
+        assert!(baselines.value(&guarded, criterion) < 100.0);
+        let best = best_by_enumeration(&baselines, Graph::General, criterion);
+        assert!(baselines.value(&best, criterion) <= baselines.value(&guarded, criterion));
+    }
+}

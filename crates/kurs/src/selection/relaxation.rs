@@ -270,3 +270,67 @@ fn least_trace_of_inverse(baselines: &Baselines, graph: Graph) -> Relaxed {
         None => Relaxed { shares: shares.iter().copied().collect(), bound: 0.0 },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::selection::best_by_enumeration;
+    use crate::selection::swap::tests::random_array;
+    use rand::SeedableRng;
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    /// Value of the criterion for shares.
+    fn value_of_shares(baselines: &Baselines, shares: &[f64], criterion: Criterion) -> f64 {
+        let pairs = baselines.scaled_m.iter().zip(shares);
+        let gram = pairs.fold(crate::selection::Gram::default(), |sum, (l, s)| {
+            sum + crate::selection::Gram::of(l, *s)
+        });
+        criterion.value(gram.eigenvalues())
+    }
+
+    /// The bound is below every choice, the shares reach it, and they keep the constraints: a proof
+    /// of optimality that does not trust the solver.
+    #[test]
+    fn the_shares_reach_the_bound_and_no_choice_passes_it() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(30);
+        for antennas in [3, 4, 5, 7] {
+            for graph in [Graph::SpanningTree, Graph::General] {
+                let baselines = random_array(antennas, &mut random);
+                for criterion in Criterion::ALL {
+                    if baselines.check(criterion).is_err() {
+                        continue;
+                    }
+                    let Relaxed { shares, bound } = relax(&baselines, graph, criterion);
+                    let best = best_by_enumeration(&baselines, graph, criterion);
+                    let bound = criterion.cost(bound);
+                    let reached = criterion.cost(value_of_shares(&baselines, &shares, criterion));
+                    let best = criterion.cost(baselines.value(&best, criterion));
+                    let name = format!("{antennas} {graph:?} {criterion:?}");
+                    assert!(bound <= best * (1.0 + 1e-12), "{name}: {bound} above {best}");
+                    assert!((reached / bound - 1.0).abs() < 1e-7, "{name}: {reached} {bound}");
+                    for constraint in constraints(&baselines, graph, None) {
+                        let terms = constraint.terms.iter();
+                        let sum: f64 = terms.map(|(k, factor)| factor * shares[*k]).sum();
+                        assert!(sum < constraint.bound + 1e-9, "{name}: {sum}");
+                    }
+                    let sum: f64 = shares.iter().sum();
+                    assert!((sum - (antennas as f64 - 1.0)).abs() < 1e-9, "{name}: {sum}");
+                }
+            }
+        }
+    }
+
+    /// A cube's corners: by symmetry all shares of equal length may be equal, and κ = 1.
+    #[test]
+    fn a_cube_is_perfectly_conditioned() {
+        let corner = |i: usize| {
+            let bit = |b: usize| (i >> b & 1) as f64;
+            crate::frames::Vector::new(bit(0), bit(1), bit(2))
+        };
+        let array = crate::array::AntennaArray::new((0..8).map(corner).collect()).unwrap();
+        let baselines = Baselines::of(&array).unwrap();
+        let relaxed = relax(&baselines, Graph::SpanningTree, Criterion::BaselineCondition);
+        let reached = value_of_shares(&baselines, &relaxed.shares, Criterion::BaselineCondition);
+        assert!((reached - 1.0).abs() < 1e-7 && relaxed.bound <= 1.0, "{reached}");
+    }
+}

@@ -102,14 +102,14 @@ fn random_tree(baselines: &Baselines, random: &mut Xoshiro256PlusPlus) -> Vec<us
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::array::AntennaArray;
     use crate::frames::Vector;
     use crate::selection::best_by_enumeration;
     use rand::SeedableRng;
 
-    fn random_array(antennas: usize, random: &mut Xoshiro256PlusPlus) -> Baselines {
+    pub(crate) fn random_array(antennas: usize, random: &mut Xoshiro256PlusPlus) -> Baselines {
         let mut coordinate = || random.random_range(-1.0..1.0);
         let positions =
             (0..antennas).map(|_| Vector::new(coordinate(), coordinate(), coordinate())).collect();

@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 mod attitude;
+mod baseline;
 mod case;
 mod trajectory;
 
@@ -28,7 +29,7 @@ const KINDS: [(&str, &str, Option<Check>); 7] = [
     ("attitude", "omega", Some(attitude::omega)),
     ("attitude", "phase_collinear", None),
     ("three_point", "three_point", None),
-    ("baseline", "baseline", None),
+    ("baseline", "baseline", Some(baseline::check)),
     ("trajectory", "trajectory", Some(trajectory::check)),
     ("filter_model", "filter_model", None),
 ];
