@@ -22,6 +22,9 @@ except ImportError:
     sys.exit(0)
 
 POSITION_LIMIT_M = 0.01
+# GLONASS within half an hour, the age up to which Kurs uses a record. RTKLIB's steps of 60 s and its
+# gravitational constant (3.9860044e14) account for some millimetres.
+GLONASS_MAX_AGE_S = 1800.0
 CLOCK_LIMIT_S = 0.1e-9
 
 
@@ -55,15 +58,29 @@ def kepler_records(nav):
     return records
 
 
+def glonass_records(nav):
+    """The issue is not compared: Kurs has none, a reference time is unique."""
+    records = collections.defaultdict(list)
+    for i in range(nav.ng):
+        geph = nav.geph[i]
+        records[key(geph.sat, False, geph.toe, 0)].append(geph)
+    return records
+
+
 def main(path, states):
     nav = navigation(path)
-    kepler = kepler_records(nav)
+    kepler, glonass = kepler_records(nav), glonass_records(nav)
     worst = collections.defaultdict(lambda: [0, 0.0, 0.0, 0])
     for row in csv.DictReader(open(states)):
         satellite = rtk.satid2no(row["satellite"])
         toe = gps_time(row["toe_week"], row["toe_s"])
         time = rtk.timeadd(toe, float(row["age_s"]))
-        found = kepler[key(satellite, row["message"] == "GalileoFnav", toe, int(row["issue"]))]
+        is_glonass = row["message"] == "GlonassFdma"
+        if is_glonass and abs(float(row["age_s"])) > GLONASS_MAX_AGE_S:
+            continue
+        evaluate = rtk.geph2pos if is_glonass else rtk.eph2pos
+        records = glonass if is_glonass else kepler
+        found = records[key(satellite, row["message"] == "GalileoFnav", toe, int(row["issue"]))]
         entry = worst[row["satellite"][0], row["message"]]
         if not found:
             entry[3] += 1
@@ -71,7 +88,7 @@ def main(path, states):
         best = None
         for eph in found:  # several stations may have sent in the same record
             position, clock, variance = rtk.Arr1Ddouble(3), rtk.Arr1Ddouble(1), rtk.Arr1Ddouble(1)
-            rtk.eph2pos(time, eph, position, clock, variance)
+            evaluate(time, eph, position, clock, variance)
             apart_m = math.dist([position[k] for k in range(3)], [float(row[k]) for k in "xyz"])
             apart_s = abs(clock[0] - float(row["clock"]))
             if best is None or (apart_m, apart_s) < best:

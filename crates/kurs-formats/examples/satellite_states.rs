@@ -11,7 +11,7 @@ use kurs_formats::navigation;
 use kurs_formats::source::Source;
 
 /// Seconds from the reference time.
-const AGES_S: [f64; 5] = [-7200.0, -1234.567, 0.0, 3333.25, 7200.0];
+const AGES_S: [f64; 7] = [-7200.0, -1234.567, -450.0, 0.0, 900.0, 3333.25, 7200.0];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("give a navigation file")?;
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Ephemeris::Kepler(kepler) => {
                 (format!("{:?}", kepler.elements().message), kepler.elements().issue)
             }
-            _ => continue,
+            Ephemeris::Glonass(_) => ("GlonassFdma".to_owned(), 0),
         };
         let toe = record.reference_time();
         for age_s in AGES_S {

@@ -28,27 +28,30 @@ fn read(name: &str) -> Option<(NavigationData, ReadSummary)> {
 /// Records per system as `grep -c` counts their first lines.
 #[test]
 fn every_record_is_read() {
-    use System::{BeiDou, Galileo, Gps, Qzss};
+    use System::{BeiDou, Galileo, Glonass, Gps, Qzss};
     let files: [(&str, &[(System, usize)]); 8] = [
-        ("matrtklib_static/base.nav", &[(Gps, 13), (Galileo, 67), (BeiDou, 32), (Qzss, 3)]),
+        (
+            "matrtklib_static/base.nav",
+            &[(Gps, 13), (Galileo, 67), (BeiDou, 32), (Glonass, 19), (Qzss, 3)],
+        ),
         ("upc2011/brdc0770.11n", &[(Gps, 194)]),
         ("geonet2005/07590920.05n", &[(Gps, 162)]),
         ("geonet2005/30400920.05n", &[(Gps, 164)]),
         (
             "formats/BRD400DLR_S_20230710000_01D_MN.rnx.gz",
-            &[(Gps, 428), (Galileo, 5840), (BeiDou, 1061), (Qzss, 96)],
+            &[(Gps, 428), (Galileo, 5840), (BeiDou, 1061), (Glonass, 1240), (Qzss, 96)],
         ),
         (
             "formats/CORD00ARG_R_20240920000_01D_MN.rnx.gz",
-            &[(Gps, 190), (Galileo, 1576), (BeiDou, 278)],
+            &[(Gps, 190), (Galileo, 1576), (BeiDou, 278), (Glonass, 438)],
         ),
         (
             "formats/KMS300DNK_R_20221591000_01H_MN.rnx.gz",
-            &[(Gps, 30), (Galileo, 108), (BeiDou, 36), (Qzss, 1)],
+            &[(Gps, 30), (Galileo, 108), (BeiDou, 36), (Glonass, 24), (Qzss, 1)],
         ),
         (
             "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz",
-            &[(Gps, 240), (Galileo, 1662), (BeiDou, 344), (Qzss, 20)],
+            &[(Gps, 240), (Galileo, 1662), (BeiDou, 344), (Glonass, 464), (Qzss, 20)],
         ),
     ];
     for (name, expected) in files {

@@ -163,12 +163,8 @@ impl KeplerEphemeris {
                 7.0 * 86_400.0,
             ),
         ];
-        match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((field, value, low, high)) => {
-                Err(BadEphemeris { satellite: e.satellite, field, value, low, high })
-            }
-            None => Ok(Self { elements }),
-        }
+        check_ranges(e.satellite, ranges)?;
+        Ok(Self { elements })
     }
 
     /// What was broadcast.
@@ -316,8 +312,22 @@ impl KeplerEphemeris {
     }
 }
 
-fn symmetric(field: &'static str, value: f64, limit: f64) -> (&'static str, f64, f64, f64) {
+/// Name, value, smallest and largest value admitted.
+type Range = (&'static str, f64, f64, f64);
+
+pub(super) fn symmetric(field: &'static str, value: f64, limit: f64) -> Range {
     (field, value, -limit, limit)
+}
+
+/// The first value outside its range, or not a number, is an error.
+pub(super) fn check_ranges(
+    satellite: Satellite,
+    ranges: impl IntoIterator<Item = Range>,
+) -> Result<(), BadEphemeris> {
+    match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+        Some((field, value, low, high)) => Err(BadEphemeris { satellite, field, value, low, high }),
+        None => Ok(()),
+    }
 }
 
 /// Where the satellite is in its orbital plane; angles in rad, rates per second.

@@ -1,16 +1,18 @@
 //! Where satellites are and what their clocks show: navigation data and their evaluation.
 //!
-//! [`KeplerEphemeris`] evaluates the broadcast orbits of GPS, Galileo, BeiDou and QZSS;
-//! [`EphemerisStore`] chooses the record for a satellite and instant; [`NavigationData`] holds
+//! [`KeplerEphemeris`] evaluates the broadcast orbits of GPS, Galileo, BeiDou and QZSS,
+//! [`GlonassEphemeris`] those of GLONASS; [`EphemerisStore`] chooses the record for a satellite and instant; [`NavigationData`] holds
 //! everything that navigation files say.
 //!
 //! A record is checked when it is made ([`BadEphemeris`]), so that its evaluation cannot fail.
 
+mod glonass;
 mod group_delay;
 mod kepler;
 mod navigation_data;
 mod store;
 
+pub use glonass::{GlonassElements, GlonassEphemeris};
 pub use kepler::{BadEphemeris, KeplerElements, KeplerEphemeris, Message};
 pub use navigation_data::{
     IonosphereParameters, Klobuchar, NavigationData, SystemTimeOffset, UtcParameters,

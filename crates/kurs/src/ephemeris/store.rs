@@ -3,16 +3,18 @@
 use std::collections::BTreeMap;
 
 use super::SatelliteState;
+use super::glonass::GlonassEphemeris;
 use super::kepler::{KeplerEphemeris, Message};
 use crate::signal::{Satellite, Signal, System};
 use crate::time::GpsTime;
 
 /// One broadcast record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
 pub enum Ephemeris {
     /// GPS, Galileo, BeiDou, QZSS.
     Kepler(KeplerEphemeris),
+    /// GLONASS.
+    Glonass(GlonassEphemeris),
 }
 
 /// Which Galileo message to take where both exist.
@@ -58,6 +60,7 @@ impl Ephemeris {
     pub const fn satellite(&self) -> Satellite {
         match self {
             Self::Kepler(kepler) => kepler.elements().satellite,
+            Self::Glonass(glonass) => glonass.elements().satellite,
         }
     }
 
@@ -66,6 +69,7 @@ impl Ephemeris {
     pub const fn reference_time(&self) -> GpsTime {
         match self {
             Self::Kepler(kepler) => kepler.elements().reference_time,
+            Self::Glonass(glonass) => glonass.elements().reference_time,
         }
     }
 
@@ -75,6 +79,7 @@ impl Ephemeris {
     pub fn state(&self, time: GpsTime) -> Option<SatelliteState> {
         match self {
             Self::Kepler(kepler) => Some(kepler.state(time)),
+            Self::Glonass(glonass) => glonass.state(time),
         }
     }
 
@@ -83,6 +88,7 @@ impl Ephemeris {
     pub const fn is_usable(&self) -> bool {
         match self {
             Self::Kepler(kepler) => kepler.elements().is_usable(),
+            Self::Glonass(glonass) => glonass.elements().health == 0,
         }
     }
 
@@ -91,6 +97,7 @@ impl Ephemeris {
     pub const fn is_healthy(&self, signal: Signal) -> bool {
         match self {
             Self::Kepler(kepler) => kepler.elements().is_healthy(signal),
+            Self::Glonass(glonass) => glonass.elements().health == 0,
         }
     }
 
@@ -100,6 +107,7 @@ impl Ephemeris {
     pub fn group_delay_m(&self, signal: Signal) -> Option<f64> {
         match self {
             Self::Kepler(kepler) => kepler.elements().group_delay_m(signal),
+            Self::Glonass(glonass) => glonass.elements().group_delay_m(signal),
         }
     }
 
@@ -107,7 +115,8 @@ impl Ephemeris {
     ///
     /// GPS and QZSS: half the fit interval, at least two hours; Galileo: four hours (OS SDD 1.3,
     /// 2.3.1.3); BeiDou: six hours, as receivers do, because the message has no interval and is
-    /// renewed every hour.
+    /// renewed every hour; GLONASS: half an hour, twice what the ICD vouches for, so that one lost
+    /// record makes no gap.
     #[must_use]
     pub fn max_age_s(&self) -> f64 {
         match self {
@@ -116,6 +125,7 @@ impl Ephemeris {
                 System::BeiDou => 6.0 * 3600.0,
                 _ => (kepler.elements().fit_interval_s.unwrap_or(0.0) / 2.0).max(2.0 * 3600.0),
             },
+            Self::Glonass(_) => 1800.0,
         }
     }
 
@@ -124,6 +134,10 @@ impl Ephemeris {
             Self::Kepler(kepler) => {
                 let e = kepler.elements();
                 (e.satellite, e.message, e.reference_time, e.transmission_time)
+            }
+            Self::Glonass(glonass) => {
+                let e = glonass.elements();
+                (e.satellite, Message::GlonassFdma, e.reference_time, e.transmission_time)
             }
         }
     }
@@ -195,6 +209,15 @@ impl EphemerisStore {
         time: GpsTime,
     ) -> Option<f64> {
         self.select(satellite, time)?.group_delay_m(signal)
+    }
+
+    /// Frequency channel of a GLONASS satellite, by its last record.
+    #[must_use]
+    pub fn glonass_channel(&self, satellite: Satellite) -> Option<i8> {
+        match self.nearest(satellite, Message::GlonassFdma, END_OF_TIME)? {
+            Ephemeris::Glonass(glonass) => Some(glonass.elements().channel),
+            Ephemeris::Kepler(_) => None,
+        }
     }
 
     fn choose(&self, satellite: Satellite, time: GpsTime) -> Result<&Ephemeris, NoEphemeris> {

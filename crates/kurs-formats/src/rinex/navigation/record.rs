@@ -1,9 +1,10 @@
 //! One record of a navigation file: its lines as numbers, and what they mean.
 
 use kurs::ephemeris::{
-    Ephemeris, IonosphereParameters, KeplerElements, KeplerEphemeris, Klobuchar, Message,
-    NavigationData,
+    Ephemeris, GlonassElements, GlonassEphemeris, IonosphereParameters, KeplerElements,
+    KeplerEphemeris, Klobuchar, Message, NavigationData,
 };
+use kurs::frames::Vector;
 use kurs::signal::{Satellite, System};
 use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
@@ -12,6 +13,10 @@ use super::header::time_offset;
 
 /// Numbers that a record of 9 lines after the epoch line can have; what goes beyond is dropped.
 const VALUES_MAX: usize = 40;
+
+/// Range accuracy by the index F_T (GLONASS ICD 5.1, table 4.4); where there is none, 5 m.
+const GLONASS_ACCURACY_M: [f64; 15] =
+    [1.0, 2.0, 2.5, 4.0, 5.0, 7.0, 10.0, 12.0, 14.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
 
 /// What a record is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -158,9 +163,12 @@ impl Record {
         if let Some(damage) = &self.damage {
             return Err(format!("{satellite}: {damage}; the record is left out"));
         }
-        let elements = self.kepler_elements(satellite, message)?;
-        let kepler = KeplerEphemeris::new(elements).map_err(|error| error.to_string())?;
-        Ok(Some(Ephemeris::Kepler(kepler)))
+        let checked = if message == Message::GlonassFdma {
+            GlonassEphemeris::new(self.glonass_elements(satellite)?).map(Ephemeris::Glonass)
+        } else {
+            KeplerEphemeris::new(self.kepler_elements(satellite, message)?).map(Ephemeris::Kepler)
+        };
+        checked.map(Some).map_err(|error| error.to_string())
     }
 
     fn cause(&self, otherwise: &str) -> String {
@@ -179,6 +187,7 @@ impl Record {
             (System::BeiDou, "") if satellite.is_beidou_geo() => Some(Message::BeiDouD2),
             (System::BeiDou, "" | "D1") => Some(Message::BeiDouD1),
             (System::BeiDou, "D2") => Some(Message::BeiDouD2),
+            (System::Glonass, "" | "FDMA") => Some(Message::GlonassFdma),
             _ => None,
         }
     }
@@ -239,6 +248,37 @@ impl Record {
         })
     }
 
+    /// RINEX 4.02, table A10; the last line is missing before RINEX 3.05.
+    fn glonass_elements(&self, satellite: Satellite) -> Result<GlonassElements, String> {
+        const LINES: usize = 4;
+        if self.values.len() < 3 + 4 * (LINES - 1) {
+            return Err(format!("{satellite}: the record ends too early and is left out"));
+        }
+        let v = |index| self.value(index);
+        let vector_km = |x, y, z| Vector::new(v(x), v(y), v(z)) * 1e3;
+        let date = self.epoch.ok_or_else(|| self.cause("no date"))?;
+        let reference_time =
+            GpsTime::from_utc(date).ok_or_else(|| format!("{satellite}: date before 1980"))?;
+        Ok(GlonassElements {
+            satellite,
+            reference_time,
+            transmission_time: reference_time + until_frame_s(date, v(2)),
+            clock_bias_s: v(0),
+            clock_drift: v(1),
+            position_m: vector_km(3, 7, 11),
+            velocity_mps: vector_km(4, 8, 12),
+            acceleration_mps2: vector_km(5, 9, 13),
+            channel: glonass_channel(v(10))
+                .ok_or_else(|| format!("{satellite}: frequency channel {}", v(10)))?,
+            l2_delay_s: self.values.get(16).copied().filter(|delay_s| delay_s.abs() < 1e-6),
+            health: whole(v(6)).ok_or_else(|| format!("{satellite}: health {}", v(6)))?,
+            accuracy_m: self.values.get(17).map_or(GLONASS_ACCURACY_M[4], |index| {
+                let known = whole(*index).and_then(|i| GLONASS_ACCURACY_M.get(usize::from(i)));
+                *known.unwrap_or(&GLONASS_ACCURACY_M[4])
+            }),
+        })
+    }
+
     /// RINEX 4.02, tables A33 to A35.
     pub(super) fn store_ionosphere(
         &self,
@@ -270,6 +310,22 @@ impl Record {
         time_offset(self.offset_code, [self.value(1), self.value(2)], reference, data);
         Ok(())
     }
+}
+
+/// Seconds from a UTC date to the nearest time with this second of the day (or week).
+fn until_frame_s(date: Calendar, frame_s: f64) -> f64 {
+    const DAY_S: f64 = 86_400.0;
+    let of_day_s = f64::from(date.hour) * 3600.0 + f64::from(date.minute) * 60.0 + date.second;
+    let ahead_s = frame_s - of_day_s;
+    if ahead_s.abs() > 8.0 * DAY_S { 0.0 } else { ahead_s - DAY_S * (ahead_s / DAY_S).round() }
+}
+
+/// Channels below zero are written as 256 less their size by some programs.
+fn glonass_channel(value: f64) -> Option<i8> {
+    let in_range = value.fract() == 0.0 && (-128.0..256.0).contains(&value);
+    let signed = if value > 127.0 { value - 256.0 } else { value };
+    #[allow(clippy::cast_possible_truncation)] // checked above
+    in_range.then_some(signed as i8)
 }
 
 /// A number that must be a whole one.
