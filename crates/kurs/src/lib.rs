@@ -29,4 +29,6 @@ pub mod attitude;
 pub mod ambiguity;
 
 // Beside the chain.
+pub mod fusion;
+
 pub mod trajectory;

@@ -10,6 +10,7 @@
 mod attitude;
 mod baseline;
 mod case;
+mod filter;
 mod trajectory;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -31,7 +32,7 @@ const KINDS: [(&str, &str, Option<Check>); 7] = [
     ("three_point", "three_point", None),
     ("baseline", "baseline", Some(baseline::check)),
     ("trajectory", "trajectory", Some(trajectory::check)),
-    ("filter_model", "filter_model", None),
+    ("filter_model", "filter_model", Some(filter::check)),
 ];
 
 #[test]

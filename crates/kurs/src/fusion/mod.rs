@@ -1,0 +1,23 @@
+//! GNSS joined with inertial sensors: antenna and accelerometers on a rotating arm, and the
+//! multi-antenna attitude carried on by a gyro.
+//!
+//! The rotating arm, in the order of its data: axes and angles of the paper ([`nhe`], [`gravity`],
+//! [`local_level`]), the arm ([`arm`]), what is measured ([`gradient`], [`published_model`],
+//! [`arm_model`]), the state ([`layout`], [`attitude_form`]), the filters ([`kalman`],
+//! [`published_filter`]).
+
+pub mod arm;
+pub mod arm_filter;
+pub mod arm_model;
+pub mod attitude_form;
+pub mod gradient;
+pub mod gravity;
+pub mod kalman;
+pub mod layout;
+pub mod local_level;
+pub mod nhe;
+mod phase_slots;
+pub mod process_noise;
+pub mod published_filter;
+pub mod published_model;
+pub mod ranging;
