@@ -12,9 +12,7 @@ use super::arm_model::ArmEnd;
 use super::attitude_form::{AttitudeForm, Carried, Decoded, triple};
 use super::gradient::{Motion, Prediction};
 use super::kalman::{Batch, Estimate, Gate};
-use super::layout::{
-    ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY,
-};
+use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
 use super::local_level::LocalLevel;
 use super::nhe::Angles;
 use super::phase_slots::PhaseSlots;

@@ -47,8 +47,7 @@ impl ArmEnd {
             relative_velocity_mps,
             position_by_attitude: -c * arm.position_m.cross_matrix(),
             velocity_by_attitude: -c * relative_velocity_mps.cross_matrix(),
-            relative_velocity_by_angle: omega.cross(&arm.position_by_angle)
-                + arm.velocity_by_angle,
+            relative_velocity_by_angle: omega.cross(&arm.position_by_angle) + arm.velocity_by_angle,
         }
     }
 
@@ -113,8 +112,9 @@ impl ArmEnd {
     /// without bias. `earth_rate_radps` is Ω.
     #[must_use]
     pub fn specific_force(&self, here: &LocalLevel, earth_rate_radps: f64) -> [Prediction; 3] {
-        let Motion { ecef_from_body, rate_radps: omega, angular_acceleration_radps2: alpha, .. } =
-            self.motion;
+        let Motion {
+            ecef_from_body, rate_radps: omega, angular_acceleration_radps2: alpha, ..
+        } = self.motion;
         let ArmMotion { position_m: rho, velocity_mps: rho_dot, .. } = self.arm;
         let body_from_ecef = ecef_from_body.transpose();
         let earth_rate = Vector3::new(0.0, 0.0, earth_rate_radps);
@@ -133,8 +133,7 @@ impl ArmEnd {
         let earth_skew = earth_rate_body.cross_matrix() * 2.0;
         // ∂n/∂v = 2 Cᵀ[Ω×];  ∂n/∂φ = [s×] − 2 [Ω_b×][u×], u = ω×ρ + ρ̇
         let by_velocity = earth_skew * body_from_ecef;
-        let by_attitude =
-            s.cross_matrix() - earth_skew * self.relative_velocity_mps.cross_matrix();
+        let by_attitude = s.cross_matrix() - earth_skew * self.relative_velocity_mps.cross_matrix();
         // ∂n/∂ω = −2 [Ω_b×][ρ×] − [(ω×ρ)×] − [ω×][ρ×] − 2 [ρ̇×];  ∂n/∂ω̇ = −[ρ×]
         let rho_skew = rho.cross_matrix();
         let by_rate = -earth_skew * rho_skew
@@ -245,15 +244,27 @@ mod tests {
     fn gradients_agree_with_differences() {
         for triad in [Triad::HeldParallel, Triad::TurnsWithArm] {
             for axis in 0..3 {
-                compare(triad, 10.0, 1e-8, |p, h| p.motion.position_m[axis] += h, |g| {
-                    g.position[axis]
-                });
-                compare(triad, 1.0, 1e-9, |p, h| p.motion.velocity_mps[axis] += h, |g| {
-                    g.velocity[axis]
-                });
-                compare(triad, 1.0, 1e-9, |p, h| p.motion.acceleration_mps2[axis] += h, |g| {
-                    g.acceleration[axis]
-                });
+                compare(
+                    triad,
+                    10.0,
+                    1e-8,
+                    |p, h| p.motion.position_m[axis] += h,
+                    |g| g.position[axis],
+                );
+                compare(
+                    triad,
+                    1.0,
+                    1e-9,
+                    |p, h| p.motion.velocity_mps[axis] += h,
+                    |g| g.velocity[axis],
+                );
+                compare(
+                    triad,
+                    1.0,
+                    1e-9,
+                    |p, h| p.motion.acceleration_mps2[axis] += h,
+                    |g| g.acceleration[axis],
+                );
                 compare(triad, 1e-4, 1e-7, |p, h| p.motion.rate_radps[axis] += h, |g| g.rate[axis]);
                 let alpha = |p: &mut Point, h| p.motion.angular_acceleration_radps2[axis] += h;
                 compare(triad, 1e-2, 1e-9, alpha, |g| g.angular_acceleration[axis]);

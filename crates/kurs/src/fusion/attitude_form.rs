@@ -4,9 +4,7 @@
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::gradient::{Gradient, Motion};
-use super::layout::{
-    ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY,
-};
+use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
 use super::local_level::LocalLevel;
 use super::nhe::{Angles, EulerRotation};
 
@@ -60,7 +58,7 @@ impl Carried {
     }
 
     /// The angles now.
-    pub(super) fn angles(&self, x: &[f64]) -> Angles {
+    pub fn angles(&self, x: &[f64]) -> Angles {
         match self {
             Self::Euler => {
                 let [roll_rad, pitch_rad, heading_rad] = triple(x, ATTITUDE.start).into();

@@ -300,11 +300,8 @@ mod tests {
 
     #[test]
     fn not_a_number_never_passes() {
-        for gate in [
-            Gate::Open,
-            Gate::NoiseOnly { sigmas: 3.0 },
-            Gate::Innovation { sigmas: 3.0 },
-        ] {
+        for gate in [Gate::Open, Gate::NoiseOnly { sigmas: 3.0 }, Gate::Innovation { sigmas: 3.0 }]
+        {
             let mut estimate = estimate();
             let before = estimate.covariance.clone();
             let mut batch = Batch::default();

@@ -53,8 +53,8 @@ impl LocalLevel {
         let latitude_gradient = north / (meridian + here.height_m);
         let longitude_gradient = east / ((prime_vertical + here.height_m) * cos_lat);
         // Going north turns the axes about west, going east about the Earth's axis.
-        let turning = -east * latitude_gradient.transpose()
-            + Vector3::z() * longitude_gradient.transpose();
+        let turning =
+            -east * latitude_gradient.transpose() + Vector3::z() * longitude_gradient.transpose();
         // The formula of γ is smooth: its differences are good to 1e-10 of its gradient.
         let (step_rad, step_m) = (1e-4, 100.0);
         let gamma = |latitude, height| normal_gravity_mps2(latitude, height);

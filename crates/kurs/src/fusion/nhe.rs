@@ -72,11 +72,7 @@ impl Angles {
         let pitch_rad = (-m[(1, 0)]).clamp(-1.0, 1.0).asin();
         if m[(1, 0)].abs() > 1.0 - 1e-12 {
             // Only h ∓ r can be told apart: the third column is (∓sin(h ∓ r), 0, cos(h ∓ r)).
-            return Self {
-                roll_rad: 0.0,
-                pitch_rad,
-                heading_rad: (-m[(0, 2)]).atan2(m[(2, 2)]),
-            };
+            return Self { roll_rad: 0.0, pitch_rad, heading_rad: (-m[(0, 2)]).atan2(m[(2, 2)]) };
         }
         Self {
             roll_rad: m[(1, 2)].atan2(m[(1, 1)]),
@@ -276,7 +272,8 @@ mod tests {
 
     #[test]
     fn straight_up_has_a_heading() {
-        let up = Angles { roll_rad: 0.0, pitch_rad: -core::f64::consts::FRAC_PI_2, heading_rad: 0.4 };
+        let up =
+            Angles { roll_rad: 0.0, pitch_rad: -core::f64::consts::FRAC_PI_2, heading_rad: 0.4 };
         let back = Angles::from_nhe_from_body(&up.nhe_from_body());
         assert!((back.heading_rad - 0.4).abs() < 1e-9, "{back:?}");
         assert!((back.nhe_from_body() - up.nhe_from_body()).norm() < 1e-9);

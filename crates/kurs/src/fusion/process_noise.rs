@@ -3,9 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::kalman::add_integrated_noise;
-use super::layout::{
-    ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY,
-};
+use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
 use super::published_filter::STEP_VARIANCES;
 
 /// Process noise of the rotating-arm filter.
@@ -85,7 +83,8 @@ impl ProcessNoise {
         };
         add_integrated_noise(q, &[CLOCK, CLOCK_RATE], densities.clock, step_s);
         for axis in 0..3 {
-            let translation = [POSITION.start, VELOCITY.start, ACCELERATION.start].map(|s| s + axis);
+            let translation =
+                [POSITION.start, VELOCITY.start, ACCELERATION.start].map(|s| s + axis);
             add_integrated_noise(q, &translation, densities.jerk, step_s);
             let rates = [ATTITUDE.start + axis, RATE.start + axis];
             if layout.angular_acceleration.is_empty() {

@@ -10,12 +10,12 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::arm::RotatingArm;
 use super::attitude_form::{Carried, integrate_angles, translate};
+use super::gradient::Prediction;
 use super::kalman::{Batch, Estimate, Gate, add_integrated_noise};
 use super::layout::{
     ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, PAPER_STATES, POSITION, RATE, VELOCITY,
 };
 use super::local_level::LocalLevel;
-use super::gradient::Prediction;
 use super::published_model;
 use super::ranging::{Measured, Ranging};
 
