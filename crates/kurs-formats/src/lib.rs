@@ -1,8 +1,10 @@
 //! GNSS file formats, to and from the types of `kurs`: bytes in, observations and ephemerides out.
 #![forbid(unsafe_code)]
 
+pub mod content;
 pub mod damage;
 pub mod navigation;
 pub mod observations;
 pub mod rinex;
+pub mod session;
 pub mod source;

@@ -1,13 +1,18 @@
 //! Observations of one antenna from a file of any format, found by its content.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
 use kurs::observation::AntennaEpoch;
 
+use crate::content::Content;
 use crate::damage::Damage;
-use crate::rinex::observation::ObservationReader;
+use crate::rinex::observation::{ObservationHeader, ObservationReader};
 use crate::source::{ReadError, Source};
+
+/// What the errors call a readable file.
+const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip";
 
 /// A file with observations, opened.
 #[derive(Debug)]
@@ -38,8 +43,18 @@ impl ObservationSource {
         Self::from_source(Source::new(input, name)?)
     }
 
-    fn from_source(source: Source) -> Result<Self, ReadError> {
-        Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)))
+    /// Finds the format of a source at its start.
+    ///
+    /// # Errors
+    ///
+    /// As [`ObservationSource::open`].
+    pub fn from_source(mut source: Source) -> Result<Self, ReadError> {
+        match Content::of(source.start(Content::ENOUGH)?) {
+            Content::RinexObservation | Content::CompactRinex => {
+                Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)))
+            }
+            other => Err(source.wrong_content(other.to_string(), EXPECTED)),
+        }
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the file.
@@ -53,11 +68,67 @@ impl ObservationSource {
         }
     }
 
-    /// What was skipped so far.
+    /// The header as it stands after the last epoch that was read.
+    #[must_use]
+    pub const fn header(&self) -> &ObservationHeader {
+        match self {
+            Self::Rinex(reader) => reader.header(),
+        }
+    }
+
+    /// GLONASS frequency channel of each orbital slot, as far as the file tells.
+    #[must_use]
+    pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
+        match self {
+            Self::Rinex(reader) => reader.glonass_channels(),
+        }
+    }
+
+    /// What was skipped so far, the first [`DamageLog::LISTED_MAX`] entries of it.
+    ///
+    /// [`DamageLog::LISTED_MAX`]: crate::damage::DamageLog::LISTED_MAX
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
         match self {
             Self::Rinex(reader) => reader.damage(),
+        }
+    }
+
+    /// How much was skipped so far, the unlisted included.
+    #[must_use]
+    pub const fn damage_count(&self) -> u64 {
+        match self {
+            Self::Rinex(reader) => reader.damage_count(),
+        }
+    }
+
+    /// Name of the file.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Rinex(reader) => reader.name(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_content_is_named() {
+        let navigation =
+            format!("{:<60}RINEX VERSION / TYPE\n", "     3.04           N: GNSS NAV DATA");
+        for (content, found) in [
+            (navigation.as_str(), "a RINEX navigation file"),
+            ("", "an empty file"),
+            ("#dP2023  2 19  0  0  0.00000000", "an SP3 orbit file"),
+            ("\u{1}\u{2}\u{ff}", "neither text nor a known format"),
+        ] {
+            let bytes = std::io::Cursor::new(content.as_bytes().to_vec());
+            let error = ObservationSource::new(bytes, "x.obs").unwrap_err().to_string();
+            assert!(error.starts_with("x.obs: found ") && error.contains(found), "{error}");
+            assert!(error.contains("expected observations"), "{error}");
         }
     }
 }

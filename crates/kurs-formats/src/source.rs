@@ -12,6 +12,9 @@ use flate2::read::MultiGzDecoder;
 /// Why a file cannot be read (further).
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
+    /// A list of files has no entry.
+    #[error("no file is given")]
+    NoFile,
     /// The operating system refuses.
     #[error("{file}: {error}")]
     Io {
@@ -59,7 +62,10 @@ pub struct Source {
     broken_off: Option<String>,
     line: core::ops::Range<usize>,
     line_number: u64,
+    /// The line went on beyond [`Source::LINE_MAX`].
     line_cut: bool,
+    /// The input ended in the line.
+    line_unended: bool,
     line_held: bool,
 }
 
@@ -112,12 +118,14 @@ impl Source {
             line: 0..0,
             line_number: 0,
             line_cut: false,
+            line_unended: false,
             line_held: false,
         };
         source.undo_compression()?;
         Ok(source)
     }
 
+    /// Unpacks gzip, and passes over the mark that some editors put before UTF-8 text.
     fn undo_compression(&mut self) -> Result<(), ReadError> {
         let method = match self.start(6)? {
             [0x1f, 0x8b, ..] => None,
@@ -126,6 +134,10 @@ impl Source {
             [b'P', b'K', 3, 4, ..] => Some("a ZIP archive"),
             [0xfd, b'7', b'z', b'X', b'Z', 0] => Some("xz"),
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("zstd"),
+            [0xef, 0xbb, 0xbf, ..] => {
+                self.next += 3;
+                return Ok(());
+            }
             _ => return Ok(()),
         };
         if let Some(method) = method {
@@ -191,6 +203,7 @@ impl Source {
                 let last_line = searched > 0;
                 self.take_line(self.filled, self.filled);
                 self.line_number -= u64::from(!last_line);
+                self.line_unended = true;
                 return Ok(last_line);
             }
             self.refill()?;
@@ -230,10 +243,11 @@ impl Source {
         self.line_number
     }
 
-    /// Whether it was longer than [`Source::LINE_MAX`].
+    /// Whether all of it is there: it was not longer than [`Source::LINE_MAX`], and the input did
+    /// not end without a line end.
     #[must_use]
-    pub const fn line_was_cut(&self) -> bool {
-        self.line_cut
+    pub const fn line_is_whole(&self) -> bool {
+        !self.line_cut && !self.line_unended
     }
 
     /// The next [`Source::advance`] stays at this line.

@@ -142,6 +142,9 @@ fn version_2_meaning(
         _ => return None,
     };
     let signal = Signal::new(system, digit, attribute);
-    let known = quantity != Quantity::Other && signal.band.frequency_hz(Some(0)).is_some();
+    let has_p_code = matches!(system, System::Gps | System::Glonass);
+    let known = quantity != Quantity::Other
+        && (letter != b'P' || has_p_code)
+        && signal.band.frequency_hz(Some(0)).is_some();
     known.then_some((quantity, signal))
 }

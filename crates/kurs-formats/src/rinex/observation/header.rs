@@ -279,7 +279,8 @@ impl HeaderRecords {
             }
             for place in 0..9 {
                 let name = columns(line, 10 + 6 * place..12 + 6 * place);
-                if let &[quantity @ b'A'..=b'Z', band] = name
+                if let &[quantity, band] = name
+                    && name != b"  "
                     && types.len() < CODES_MAX
                 {
                     types.push(ObservationCode([quantity, band, b' ']));
@@ -399,7 +400,7 @@ fn codes(line: &[u8], start: usize, count: usize) -> impl Iterator<Item = Observ
     (0..count).filter_map(move |place| {
         let at = start + 4 * place;
         let name = <[u8; 3]>::try_from(columns(line, at..at + 3)).ok()?;
-        name[0].is_ascii_uppercase().then_some(ObservationCode(name))
+        (name != [b' '; 3]).then_some(ObservationCode(name))
     })
 }
 

@@ -1,8 +1,10 @@
 //! Observation files of RINEX 2.10 to 4.02, read epoch by epoch into one reused buffer.
 
 mod columns;
+mod compact;
 mod epoch_line;
 mod header;
+mod lines;
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -13,12 +15,15 @@ use kurs::signal::{Satellite, Signal, System};
 use kurs::time::GpsTime;
 
 use self::columns::{Column, Columns, Quantity};
+use self::compact::CompactLines;
 use self::epoch_line::{EpochFlag, EpochLine};
 use self::header::{HeaderRecords, satellite};
 pub use self::header::{
     ObservationCode, ObservationHeader, PhaseShift, ScaleFactor, TimeSystem, Version,
 };
+use self::lines::Lines;
 use super::fields::{Value, columns, f14_3, label, text};
+use crate::content::Content;
 use crate::damage::{Damage, DamageLog};
 use crate::source::{ReadError, Source};
 
@@ -29,7 +34,7 @@ const FIELD: usize = 16;
 /// Observations in a line of RINEX 2.
 const FIELDS_A_LINE: usize = 5;
 /// What the errors call a readable file.
-const EXPECTED: &str = "a RINEX observation file (2.10 to 4.02)";
+const EXPECTED: &str = "a RINEX observation file (2.10 to 4.02, also compact or packed with gzip)";
 
 /// Reads an observation file from its start to its end.
 ///
@@ -40,7 +45,7 @@ const EXPECTED: &str = "a RINEX observation file (2.10 to 4.02)";
 /// goes on behind it.
 #[derive(Debug)]
 pub struct ObservationReader {
-    lines: Source,
+    lines: Lines,
     header: ObservationHeader,
     /// One for each system, in the order of [`System::ALL`].
     columns: [Columns; 7],
@@ -79,9 +84,9 @@ impl ObservationReader {
     /// # Errors
     ///
     /// As [`ObservationReader::open`].
-    pub fn from_source(lines: Source) -> Result<Self, ReadError> {
+    pub fn from_source(source: Source) -> Result<Self, ReadError> {
         let mut reader = Self {
-            lines,
+            lines: open_lines(source)?,
             header: ObservationHeader::default(),
             columns: Default::default(),
             satellites: Vec::new(),
@@ -107,7 +112,7 @@ impl ObservationReader {
         &self.header.glonass_channels
     }
 
-    /// What was skipped so far, at most [`DamageLog::LISTED_MAX`] entries.
+    /// What was skipped so far, the first [`DamageLog::LISTED_MAX`] entries of it.
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
         self.damage.listed()
@@ -122,7 +127,7 @@ impl ObservationReader {
     /// Name of the file.
     #[must_use]
     pub fn name(&self) -> &str {
-        self.lines.name()
+        self.lines.source().name()
     }
 
     /// Reads the next epoch into `epoch`; `false` (and an empty `epoch`) at the end of the file.
@@ -131,7 +136,7 @@ impl ObservationReader {
     ///
     /// [`ReadError::Io`] if the operating system refuses to read on.
     pub fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        while self.lines.advance()? {
+        while self.lines.advance(&mut self.damage)? {
             let scale = self.header.time_system;
             let Some(line) = EpochLine::parse(self.lines.line(), self.header.version, scale) else {
                 self.skip_to_epoch("not an epoch line")?;
@@ -159,30 +164,20 @@ impl ObservationReader {
                 | EpochFlag::ExternalEvent => self.read_event(line.count)?,
             }
         }
-        if let Some(reason) = self.lines.broken_off() {
+        if let Some(reason) = self.lines.source().broken_off() {
             self.damage.note(self.lines.line_number(), reason.to_owned());
         }
         epoch.observations.clear();
         Ok(false)
     }
 
+    /// The first record of the header; the lines are at it.
     fn read_version(&mut self) -> Result<(), ReadError> {
-        if !self.lines.advance()? {
-            return Err(self.lines.wrong_content("an empty file", EXPECTED));
-        }
         let line = self.lines.line();
-        if label(line) != b"RINEX VERSION / TYPE" {
-            return Err(self.lines.wrong_content("no RINEX header", EXPECTED));
-        }
-        let kind = columns(line, 20..40).trim_ascii();
-        if kind.first() != Some(&b'O') {
-            let found = format!("a RINEX file of type {:?}", text(line, 20..40));
-            return Err(self.lines.wrong_content(found, EXPECTED));
-        }
         let version = Version::parse(columns(line, 0..9));
         let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {
-            let found = format!("version {:?}", text(line, 0..20));
-            return Err(self.lines.wrong_content(found, EXPECTED));
+            let found = format!("RINEX version {:?}", text(line, 0..20));
+            return Err(self.lines.source().wrong_content(found, EXPECTED));
         };
         self.header.version = version;
         self.header.system = match columns(line, 40..41) {
@@ -195,8 +190,8 @@ impl ObservationReader {
     fn read_header(&mut self) -> Result<(), ReadError> {
         let mut records = HeaderRecords::default();
         loop {
-            if !self.lines.advance()? {
-                return Err(self.lines.bad_line("the file ends inside its header"));
+            if !self.lines.advance(&mut self.damage)? {
+                return Err(self.lines.source().bad_line("the file ends inside its header"));
             }
             let (line, number) = (self.lines.line(), self.lines.line_number());
             if label(line) == b"END OF HEADER" {
@@ -211,7 +206,7 @@ impl ObservationReader {
             records.read(&mut self.header, line, number, &mut self.damage);
         }
         if self.header.observation_types.is_empty() {
-            return Err(self.lines.bad_line("the header declares no observation types"));
+            return Err(self.lines.source().bad_line("the header declares no observation types"));
         }
         self.lay_out_columns();
         Ok(())
@@ -227,7 +222,7 @@ impl ObservationReader {
     fn read_event(&mut self, count: usize) -> Result<(), ReadError> {
         let mut records = HeaderRecords::default();
         for _ in 0..count {
-            if !self.lines.advance()? {
+            if !self.lines.advance(&mut self.damage)? {
                 self.damage.note(self.lines.line_number(), "the file ends inside an event");
                 break;
             }
@@ -269,7 +264,7 @@ impl ObservationReader {
     ) -> Result<(), ReadError> {
         let mut found = 0;
         loop {
-            if !self.lines.advance()? {
+            if !self.lines.advance(&mut self.damage)? {
                 break;
             }
             let (line, number) = (self.lines.line(), self.lines.line_number());
@@ -329,7 +324,7 @@ impl ObservationReader {
             let base = epoch.observations.len();
             epoch.observations.extend(satellite.iter().flat_map(|s| layout.blank(*s)));
             for fields in layout.columns.chunks(FIELDS_A_LINE) {
-                let at_end = !self.lines.advance()?;
+                let at_end = !self.lines.advance(&mut self.damage)?;
                 let (line, number) = (self.lines.line(), self.lines.line_number());
                 let scale = self.header.time_system;
                 let cut = at_end || EpochLine::parse(line, self.header.version, scale).is_some();
@@ -356,7 +351,7 @@ impl ObservationReader {
         self.satellites.clear();
         for index in 0..count.min(SATELLITES_MAX) {
             let place = index % 12;
-            if index > 0 && place == 0 && !self.lines.advance()? {
+            if index > 0 && place == 0 && !self.lines.advance(&mut self.damage)? {
                 self.damage.note(self.lines.line_number(), "the epoch ends in its satellite list");
                 return Ok(false);
             }
@@ -378,7 +373,7 @@ impl ObservationReader {
             return Ok(());
         }
         let scale = self.header.time_system;
-        while self.lines.advance()? {
+        while self.lines.advance(&mut self.damage)? {
             if EpochLine::parse(self.lines.line(), self.header.version, scale).is_some() {
                 self.lines.hold_line();
                 break;
@@ -418,6 +413,33 @@ impl ObservationReader {
     }
 }
 
+/// Goes to the first line of the RINEX header, if there is one.
+fn open_lines(mut source: Source) -> Result<Lines, ReadError> {
+    let content = Content::of(source.start(Content::ENOUGH)?);
+    if !matches!(content, Content::RinexObservation | Content::CompactRinex) {
+        return Err(source.wrong_content(content.to_string(), EXPECTED));
+    }
+    let mut compact_version = 0;
+    while source.advance()? {
+        match label(source.line()) {
+            b"CRINEX VERS   / TYPE" => {
+                compact_version =
+                    Version::parse(columns(source.line(), 0..9)).map_or(0, |v| v.major);
+                if !matches!(compact_version, 1 | 3) {
+                    let found = format!("compact RINEX version {:?}", text(source.line(), 0..20));
+                    return Err(source.wrong_content(found, EXPECTED));
+                }
+            }
+            b"RINEX VERSION / TYPE" if compact_version == 0 => return Ok(Lines::Plain(source)),
+            b"RINEX VERSION / TYPE" => {
+                return Ok(Lines::Compact(Box::new(CompactLines::new(source, compact_version))));
+            }
+            _ => {}
+        }
+    }
+    Err(source.wrong_content("no RINEX header", EXPECTED))
+}
+
 /// Reads the columns of one line into the observations of one satellite.
 fn read_fields(
     columns: &[Column],
@@ -450,15 +472,17 @@ fn read_fields(
                 continue;
             }
         };
+        // Where two columns mean the same (C1 and C2 of BeiDou in RINEX 2) the first one counts.
+        let o = observation;
         match column.quantity {
-            Quantity::Pseudorange => observation.pseudorange_m = number,
-            Quantity::Phase => {
-                observation.phase_cycles = number;
-                observation.lock = Lock(indicator.saturating_sub(b'0'));
+            Quantity::Pseudorange => o.pseudorange_m = o.pseudorange_m.or(number),
+            Quantity::Phase if o.phase_cycles.is_none() => {
+                o.phase_cycles = number;
+                o.lock = Lock(indicator.saturating_sub(b'0'));
             }
-            Quantity::Doppler => observation.doppler_hz = number,
-            Quantity::Strength => observation.cn0_dbhz = number,
-            Quantity::Other => {}
+            Quantity::Doppler => o.doppler_hz = o.doppler_hz.or(number),
+            Quantity::Strength => o.cn0_dbhz = o.cn0_dbhz.or(number),
+            Quantity::Phase | Quantity::Other => {}
         }
     }
 }

@@ -1,0 +1,139 @@
+//! What a file holds, told from its first bytes and never from its name.
+
+use core::fmt;
+
+/// The content of a file as its first bytes show it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Content {
+    /// No bytes at all.
+    Empty,
+    /// RINEX observations.
+    RinexObservation,
+    /// Compact (Hatanaka) RINEX observations.
+    CompactRinex,
+    /// RINEX navigation data, any version.
+    RinexNavigation,
+    /// RINEX of another type: meteorological, clocks and others, with the type as written.
+    RinexOther(String),
+    /// Precise orbits.
+    Sp3,
+    /// Antenna phase centres.
+    Antex,
+    /// u-blox messages.
+    Ubx,
+    /// RTCM 3 messages.
+    Rtcm3,
+    /// Septentrio blocks.
+    Sbf,
+    /// NMEA sentences.
+    Nmea,
+    /// A web page, for example the answer of an archive that wants a login.
+    Html,
+    /// Other text, with the first words of it.
+    Text(String),
+    /// Bytes that are no text and no known format.
+    Noise,
+}
+
+impl Content {
+    /// Bytes from the start of a file that are enough to judge it.
+    pub const ENOUGH: usize = 4096;
+
+    /// Judges the start of a file: [`Content::ENOUGH`] bytes, or all if there are fewer.
+    #[must_use]
+    pub fn of(start: &[u8]) -> Self {
+        match start {
+            [] => return Self::Empty,
+            [0xb5, 0x62, ..] => return Self::Ubx,
+            // RTCM 3: six reserved bits are zero.
+            [0xd3, length, ..] if length >> 2 == 0 => return Self::Rtcm3,
+            [b'$', b'@', ..] => return Self::Sbf,
+            [b'$', b'A'..=b'Z', b'A'..=b'Z', ..] => return Self::Nmea,
+            [b'#', b'a'..=b'd', b'P' | b'V', ..] => return Self::Sp3,
+            _ => {}
+        }
+        start.split(|byte| *byte == b'\n').find_map(Self::of_header_line).unwrap_or_else(|| {
+            let text = start.trim_ascii_start();
+            let readable = start.iter().all(|b| matches!(b, b'\t' | b'\r' | b'\n' | b' '..=b'~'));
+            match (text, readable) {
+                ([], _) => Self::Empty,
+                ([b'<', ..], true) => Self::Html,
+                (_, true) => Self::Text(first_words(text)),
+                (_, false) => Self::Noise,
+            }
+        })
+    }
+
+    fn of_header_line(line: &[u8]) -> Option<Self> {
+        let label = line.get(60..)?.trim_ascii();
+        let kind = line[20..60].trim_ascii();
+        Some(match (label, kind.first()) {
+            (b"CRINEX VERS   / TYPE", _) => Self::CompactRinex,
+            (b"ANTEX VERSION / SYST", _) => Self::Antex,
+            (b"RINEX VERSION / TYPE", Some(b'O' | b'o')) => Self::RinexObservation,
+            (b"RINEX VERSION / TYPE", Some(b'N' | b'G' | b'H' | b'L')) => Self::RinexNavigation,
+            (b"RINEX VERSION / TYPE", _) => Self::RinexOther(first_words(kind)),
+            _ => return None,
+        })
+    }
+}
+
+fn first_words(text: &[u8]) -> String {
+    let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    String::from_utf8_lossy(&line[..line.len().min(40)]).trim().to_owned()
+}
+
+impl fmt::Display for Content {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Empty => "an empty file",
+            Self::RinexObservation => "a RINEX observation file",
+            Self::CompactRinex => "a compact RINEX observation file",
+            Self::RinexNavigation => "a RINEX navigation file",
+            Self::RinexOther(kind) => return write!(f, "a RINEX file of type {kind:?}"),
+            Self::Sp3 => "an SP3 orbit file",
+            Self::Antex => "an ANTEX antenna file",
+            Self::Ubx => "u-blox messages (UBX)",
+            Self::Rtcm3 => "RTCM 3 messages",
+            Self::Sbf => "Septentrio blocks (SBF)",
+            Self::Nmea => "NMEA sentences",
+            Self::Html => "a web page (HTML)",
+            Self::Text(words) => return write!(f, "text that begins with {words:?}"),
+            Self::Noise => "bytes that are neither text nor a known format",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(kind: &str, label: &str) -> Vec<u8> {
+        format!("     3.04           {kind:<40}{label}\n").into_bytes()
+    }
+
+    #[test]
+    fn contents_are_told_apart() {
+        let version = "RINEX VERSION / TYPE";
+        for (start, content) in [
+            (Vec::new(), Content::Empty),
+            (b"  \n\n".to_vec(), Content::Empty),
+            (header("OBSERVATION DATA    M", version), Content::RinexObservation),
+            (header("N: GNSS NAV DATA", version), Content::RinexNavigation),
+            (header("GLONASS NAV DATA", version), Content::RinexNavigation),
+            (
+                header("METEOROLOGICAL DATA", version),
+                Content::RinexOther("METEOROLOGICAL DATA".into()),
+            ),
+            (header("COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE"), Content::CompactRinex),
+            (b"#dP2023  2 19  0  0  0.00000000".to_vec(), Content::Sp3),
+            (vec![0xb5, 0x62, 2, 0x15], Content::Ubx),
+            (vec![0xd3, 0, 19, 0x3e], Content::Rtcm3),
+            (b"<!DOCTYPE html>".to_vec(), Content::Html),
+            (b"time,heading\n1,2".to_vec(), Content::Text("time,heading".into())),
+            (vec![0, 1, 2, 255], Content::Noise),
+        ] {
+            assert_eq!(Content::of(&start), content);
+        }
+    }
+}
