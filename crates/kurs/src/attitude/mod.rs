@@ -8,12 +8,17 @@
 //! orientation*, in information form.
 
 pub mod angles;
+pub mod coordinates;
+pub mod direction;
 pub mod joint;
 pub mod reduction;
+pub mod three_point;
+pub mod triad;
 pub mod uniqueness;
 pub mod wahba;
 pub mod weighted;
 
+pub use direction::Direction;
 pub use joint::ArrayAttitude;
 pub use uniqueness::{GlobalMinimum, Uniqueness};
 pub use weighted::{AttitudeProblem, Minimum};
@@ -68,6 +73,14 @@ pub enum AttitudeError {
     /// Some turn changes nothing that was measured: collinear antennas, or too few satellites.
     #[error("the measurements leave a turn undetermined (are the antennas on one line?)")]
     Unobservable,
+    /// A right or obtuse triangle, which the published three-point method cannot take.
+    #[error(
+        "the triangle is not acute (products of its sides {squared_legs_m2:?} m²): use the weighted method"
+    )]
+    NotAcute {
+        /// `d², e², f²`.
+        squared_legs_m2: [f64; 3],
+    },
     /// The iteration did not settle.
     #[error("no convergence within {iterations} iterations")]
     NoConvergence {

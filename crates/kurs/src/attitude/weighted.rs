@@ -109,8 +109,22 @@ impl AttitudeProblem {
         Self::Separable { normal, spread, cross }
     }
 
-    /// Refuses numbers that are not finite, and matrices that are not symmetric or not ⪰ 0.
+    /// Refuses what [`AttitudeProblem::check_numbers`] refuses, and antennas or satellites on a line.
     pub(super) fn check(&self) -> Result<(), AttitudeError> {
+        self.check_numbers()?;
+        // A line has one principal moment, a plane two: λ₁λ₂ + λ₁λ₃ + λ₂λ₃ tells them apart.
+        for moments in [self.spread(), self.normal()] {
+            let scaled = moments / moments.trace();
+            let pairs = 0.5 * (1.0 - (scaled * scaled).trace());
+            if pairs.is_nan() || pairs < SINGULAR_RATIO {
+                return Err(AttitudeError::Unobservable);
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses numbers that are not finite, and matrices that are not symmetric or not ⪰ 0.
+    pub(super) fn check_numbers(&self) -> Result<(), AttitudeError> {
         match self {
             Self::Separable { normal, spread, cross } => {
                 if cross.iter().any(|c| !c.is_finite()) {
@@ -124,14 +138,6 @@ impl AttitudeProblem {
                     return Err(AttitudeError::NotFinite { what: "right-hand side" });
                 }
                 check_semidefinite("information matrix", information)?;
-            }
-        }
-        // A line has one principal moment, a plane two: λ₁λ₂ + λ₁λ₃ + λ₂λ₃ tells them apart.
-        for moments in [self.spread(), self.normal()] {
-            let scaled = moments / moments.trace();
-            let pairs = 0.5 * (1.0 - (scaled * scaled).trace());
-            if pairs.is_nan() || pairs < SINGULAR_RATIO {
-                return Err(AttitudeError::Unobservable);
             }
         }
         Ok(())

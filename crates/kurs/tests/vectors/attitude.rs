@@ -1,7 +1,7 @@
 //! Kinds `phase`, `omega` and `phase_collinear`: attitude from phases and from stacked baselines.
 
 use kurs::attitude::reduction::{BaselineWeight, PhaseNormal, SingleDifferences};
-use kurs::attitude::{AttitudeProblem, Uniqueness, joint, wahba};
+use kurs::attitude::{AttitudeError, AttitudeProblem, Uniqueness, joint, wahba};
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde_json::Value;
 
@@ -57,6 +57,23 @@ pub(crate) fn omega(case: &Value, outcome: &mut Outcome) -> Result<(), String> {
     let problem = joint::problem(&columns(&input["body"])?, &measured, &matrix(&input["omega"])?)
         .map_err(|error| error.to_string())?;
     compare_minimum(&problem, "", expected, outcome)
+}
+
+pub(crate) fn phase_collinear(case: &Value, outcome: &mut Outcome) -> Result<(), String> {
+    let (input, expected) = (&case["input"], &case["expected"]);
+    let (normal, body) = reduce(input)?;
+    let axis = vector3(&expected["body_axis"])?;
+    for (name, weight) in
+        [("diag", BaselineWeight::Independent), ("full", BaselineWeight::SharedAntenna)]
+    {
+        let problem = normal.problem(&body, weight).map_err(|error| error.to_string())?;
+        let found = problem.direction(&axis).map_err(|error| format!("{name}: {error}"))?;
+        let wanted = vector3(&expected[format!("{name}_direction")])?;
+        outcome.compare(&format!("{name}_direction"), (found.unit - wanted).norm(), TOLERANCE);
+        let refused = problem.global_minimum(0.0) == Err(AttitudeError::Unobservable);
+        outcome.expect("a full attitude is refused for antennas on a line", refused);
+    }
+    Ok(())
 }
 
 /// The global minimum, its cost, and the gap to the next one; `name` is the prefix of the keys.

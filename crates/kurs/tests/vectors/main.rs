@@ -11,6 +11,7 @@ mod attitude;
 mod baseline;
 mod case;
 mod filter;
+mod three_point;
 mod trajectory;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,8 +29,8 @@ type Check = fn(&Value, &mut Outcome) -> Result<(), String>;
 const KINDS: [(&str, &str, Option<Check>); 7] = [
     ("attitude", "phase", Some(attitude::phase)),
     ("attitude", "omega", Some(attitude::omega)),
-    ("attitude", "phase_collinear", None),
-    ("three_point", "three_point", None),
+    ("attitude", "phase_collinear", Some(attitude::phase_collinear)),
+    ("three_point", "three_point", Some(three_point::three_point)),
     ("baseline", "baseline", Some(baseline::check)),
     ("trajectory", "trajectory", Some(trajectory::check)),
     ("filter_model", "filter_model", Some(filter::check)),
