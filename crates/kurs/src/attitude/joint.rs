@@ -48,37 +48,99 @@ pub fn solve<To: Copy>(
     covariance_m2: &DMatrix<f64>,
     cost_gap: f64,
 ) -> Result<ArrayAttitude<To>, AttitudeError> {
-    let body: Vec<Vector3<f64>> =
-        (1..array.len()).map(|rover| array.baseline_m(rover).xyz()).collect();
+    let body = body_baselines(array);
     let measured = stacked(baselines_m);
     let weight = weight_of(covariance_m2)?;
     let global = problem(&body, &measured, &weight)?.global_minimum(cost_gap)?;
 
     let rotation = global.minimum.rotation;
-    let residuals: Vec<Vector3<f64>> =
-        baselines_m.iter().zip(&body).map(|(z, l)| z.xyz() - rotation * l).collect();
-    let stacked_residuals = DVector::from_iterator(
-        measured.len(),
-        residuals.iter().flat_map(|residual| residual.iter().copied()),
-    );
+    let residuals = residuals(baselines_m, body.iter().map(|l| rotation * l));
     Ok(ArrayAttitude {
         outside_from_body: Rotation::from_matrix(rotation),
         covariance_body_rad2: global.minimum.covariance()?,
-        chi_squared: stacked_residuals.dot(&(&weight * &stacked_residuals)),
+        chi_squared: chi_squared(&residuals, &weight),
         degrees_of_freedom: measured.len() - 3,
         uniqueness: global.uniqueness,
-        residuals_m: residuals.into_iter().map(Vector::from_xyz).collect(),
+        residuals_m: residuals,
     })
 }
 
+/// Direction of a collinear array, two antennas among them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArrayDirection<To> {
+    /// The line of the antennas in body axes: unit vector from antenna 0 to antenna 1.
+    pub axis: Vector<Body>,
+    /// The same unit vector in the outside frame.
+    pub direction: Vector<To>,
+    /// Covariance of `direction`, across it (rank two), rad².
+    pub covariance_rad2: Matrix3<f64>,
+    /// As for [`ArrayAttitude`].
+    pub chi_squared: f64,
+    /// Components measured minus two.
+    pub degrees_of_freedom: usize,
+    /// How much more (half of χ²) the next local minimum costs, if there is one.
+    pub cost_gap: Option<f64>,
+    /// Measured minus turned baseline, for antennas 1, 2, …
+    pub residuals_m: Vec<Vector<To>>,
+}
+
+/// Direction from the baselines antenna 0 → 1, 2, … (m, outside frame) of a collinear array, with
+/// their full covariance as for [`solve`]. [`super::angles`] turns it into heading and pitch.
+///
+/// # Errors
+///
+/// As [`solve`]; antennas off the line are not noticed here but in `chi_squared`.
+pub fn solve_direction<To: Copy>(
+    array: &AntennaArray,
+    baselines_m: &[Vector<To>],
+    covariance_m2: &DMatrix<f64>,
+) -> Result<ArrayDirection<To>, AttitudeError> {
+    let body = body_baselines(array);
+    let measured = stacked(baselines_m);
+    let weight = weight_of(covariance_m2)?;
+    let axis = body[0].normalize();
+    let found = problem(&body, &measured, &weight)?.direction(&axis)?;
+
+    let turned = body.iter().map(|l| found.unit * l.dot(&axis));
+    let residuals = residuals(baselines_m, turned);
+    Ok(ArrayDirection {
+        axis: Vector::from_xyz(axis),
+        direction: Vector::from_xyz(found.unit),
+        covariance_rad2: found.covariance_rad2,
+        chi_squared: chi_squared(&residuals, &weight),
+        degrees_of_freedom: measured.len() - 2,
+        cost_gap: found.cost_gap,
+        residuals_m: residuals,
+    })
+}
+
+/// Baselines from antenna 0 in body axes, m.
+fn body_baselines(array: &AntennaArray) -> Vec<Vector3<f64>> {
+    (1..array.len()).map(|rover| array.baseline_m(rover).xyz()).collect()
+}
+
+/// Measured minus turned baselines.
+fn residuals<To: Copy>(
+    baselines_m: &[Vector<To>],
+    turned: impl Iterator<Item = Vector3<f64>>,
+) -> Vec<Vector<To>> {
+    baselines_m.iter().zip(turned).map(|(z, l)| *z - Vector::from_xyz(l)).collect()
+}
+
+/// `rᵀ Ω r`.
+fn chi_squared<To>(residuals_m: &[Vector<To>], weight: &DMatrix<f64>) -> f64 {
+    let residuals = stacked(residuals_m);
+    residuals.dot(&(weight * &residuals))
+}
+
 /// Components of the baselines, one after the other.
-pub(super) fn stacked<To>(baselines_m: &[Vector<To>]) -> DVector<f64> {
+fn stacked<To>(baselines_m: &[Vector<To>]) -> DVector<f64> {
     let components: Vec<f64> = baselines_m.iter().flat_map(|b| <[f64; 3]>::from(b.xyz())).collect();
     DVector::from_vec(components)
 }
 
 /// Inverse of a covariance.
-pub(super) fn weight_of(covariance_m2: &DMatrix<f64>) -> Result<DMatrix<f64>, AttitudeError> {
+fn weight_of(covariance_m2: &DMatrix<f64>) -> Result<DMatrix<f64>, AttitudeError> {
     let what = "covariance of the baselines";
     if !covariance_m2.is_square() {
         let (expected, found) = covariance_m2.shape();
@@ -163,4 +225,76 @@ fn check_symmetric(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), Atti
         return Err(AttitudeError::NotSymmetric { what, difference });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::{Attitude, Ned};
+    use approx::assert_relative_eq;
+
+    fn roof() -> AntennaArray {
+        let positions = [[0.0, 0.0, 0.0], [0.766, 0.0, -0.03], [0.019, -0.491, 0.001]];
+        AntennaArray::new(positions.map(|[x, y, z]| Vector::new(x, y, z)).to_vec()).unwrap()
+    }
+
+    /// `s² (I + 11ᵀ) ⊗ I`: all baselines share the noise of antenna 0.
+    fn shared_noise(baselines: usize, sd_m: f64) -> DMatrix<f64> {
+        let between = DMatrix::from_element(baselines, baselines, 1.0)
+            + DMatrix::<f64>::identity(baselines, baselines);
+        between.kronecker(&DMatrix::identity(3, 3)) * (sd_m * sd_m)
+    }
+
+    #[test]
+    fn exact_baselines_give_the_attitude() {
+        let truth = Attitude { heading_rad: 5.0, pitch_rad: -0.3, roll_rad: 0.2 }.ned_from_body();
+        let array = roof();
+        let baselines: Vec<Vector<Ned>> = (1..3).map(|i| truth * array.baseline_m(i)).collect();
+        let found = solve(&array, &baselines, &shared_noise(2, 0.003), 10.0).unwrap();
+        assert_relative_eq!(found.outside_from_body.matrix(), truth.matrix(), epsilon = 1e-13);
+        assert!(found.chi_squared < 1e-20, "{}", found.chi_squared);
+        assert_eq!(found.degrees_of_freedom, 3);
+        assert!(matches!(found.uniqueness, Uniqueness::Certified { .. }));
+        // One metre and 3 mm on either antenna: about 0.2°.
+        let sd_rad = found.covariance_body_rad2.diagonal().map(f64::sqrt);
+        assert!(sd_rad.iter().all(|sd| (0.003..0.01).contains(sd)), "{sd_rad}");
+    }
+
+    #[test]
+    fn two_antennas_give_a_direction() {
+        let array =
+            AntennaArray::new(vec![Vector::new(0.5, 0.0, 0.0), Vector::new(-1.5, 0.0, 0.0)])
+                .unwrap();
+        // 1 cm too long: the residual tells, the direction does not change.
+        let baseline = Vector::<Ned>::new(0.0, -2.01, 0.0);
+        let found = solve_direction(&array, &[baseline], &shared_noise(1, 0.003)).unwrap();
+        assert_relative_eq!(found.axis.xyz(), -Vector3::x());
+        assert_relative_eq!(found.direction.xyz(), -Vector3::y(), epsilon = 1e-15);
+        assert_relative_eq!(
+            found.residuals_m[0].xyz(),
+            Vector3::new(0.0, -0.01, 0.0),
+            epsilon = 1e-14
+        );
+        // Two antennas 2 m apart with 3 mm each: 3 mm √2 / 2 m, in the measured length.
+        let expected = 2.0 * 0.003 * 0.003 / (2.0 * 2.0);
+        assert_relative_eq!(found.covariance_rad2[(0, 0)], expected, max_relative = 0.01);
+        assert_relative_eq!(found.covariance_rad2[(1, 1)], 0.0, epsilon = 1e-20);
+        let refused = solve(&array, &[baseline], &shared_noise(1, 0.003), 10.0);
+        assert_eq!(refused.unwrap_err(), AttitudeError::Unobservable);
+    }
+
+    #[test]
+    fn wrong_covariances_are_refused() {
+        let array = roof();
+        let baselines = [Vector::<Ned>::new(1.0, 0.0, 0.0), Vector::new(0.0, 1.0, 0.0)];
+        let refusal =
+            |covariance: &DMatrix<f64>| solve(&array, &baselines, covariance, 10.0).unwrap_err();
+        let mut lopsided = shared_noise(2, 0.003);
+        lopsided[(0, 1)] = 1e-6;
+        assert!(matches!(refusal(&lopsided), AttitudeError::NotSymmetric { .. }));
+        assert!(matches!(refusal(&-shared_noise(2, 0.003)), AttitudeError::Indefinite { .. }));
+        assert!(matches!(refusal(&shared_noise(3, 0.003)), AttitudeError::Shape { .. }));
+        let nan = shared_noise(2, f64::NAN);
+        assert!(matches!(refusal(&nan), AttitudeError::NotFinite { .. }));
+    }
 }

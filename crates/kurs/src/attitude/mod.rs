@@ -19,7 +19,7 @@ pub mod wahba;
 pub mod weighted;
 
 pub use direction::Direction;
-pub use joint::ArrayAttitude;
+pub use joint::{ArrayAttitude, ArrayDirection};
 pub use uniqueness::{GlobalMinimum, Uniqueness};
 pub use weighted::{AttitudeProblem, Minimum};
 
