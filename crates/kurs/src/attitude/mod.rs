@@ -8,12 +8,14 @@
 //! orientation*, in information form.
 
 pub mod angles;
+pub mod continuation;
 pub mod coordinates;
 pub mod direction;
 pub mod joint;
 pub mod reduction;
 pub mod three_point;
 pub mod triad;
+pub mod undifferenced;
 pub mod uniqueness;
 pub mod wahba;
 pub mod weighted;
@@ -81,6 +83,9 @@ pub enum AttitudeError {
         /// `d², e², f²`.
         squared_legs_m2: [f64; 3],
     },
+    /// A method for `R ⊗ N` was given the general form.
+    #[error("the continuation needs antennas that all see the same satellites")]
+    NotSeparable,
     /// The iteration did not settle.
     #[error("no convergence within {iterations} iterations")]
     NoConvergence {
