@@ -40,6 +40,8 @@ pub(super) struct CompactLines {
     satellites: Vec<SatelliteState>,
     names: Vec<Satellite>,
     block: Block,
+    /// An epoch was dropped.
+    lost: bool,
 }
 
 /// The text of one expanded epoch.
@@ -120,7 +122,13 @@ impl CompactLines {
             satellites: vec![SatelliteState::default(); System::ALL.len() * NUMBERS],
             names: Vec::new(),
             block: Block::default(),
+            lost: false,
         }
+    }
+
+    /// Whether epochs were dropped since this was asked last.
+    pub(super) fn take_lost(&mut self) -> bool {
+        core::mem::take(&mut self.lost)
     }
 
     pub(super) const fn source(&self) -> &Source {
@@ -210,6 +218,7 @@ impl CompactLines {
             if self.is_full_epoch_line() {
                 self.source.hold_line();
                 self.block.clear();
+                self.lost = true;
                 let what = "the epoch has fewer lines than satellites";
                 damage.note_with(first, || format!("{what}, dropped").into());
                 return Ok(true);
@@ -319,6 +328,7 @@ impl CompactLines {
     ) -> Result<bool, ReadError> {
         self.epoch_text.clear();
         self.epoch_known = false;
+        self.lost = true;
         let more = loop {
             if self.is_full_epoch_line() && self.source.line_number() > first {
                 self.source.hold_line();

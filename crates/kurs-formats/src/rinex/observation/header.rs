@@ -4,7 +4,7 @@ use core::fmt;
 use std::collections::BTreeMap;
 
 use kurs::frames::{Ecef, Vector};
-use kurs::signal::{Satellite, Signal, System};
+use kurs::signal::{Band, Satellite, Signal, System};
 use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
 use crate::damage::DamageLog;
@@ -108,6 +108,10 @@ pub struct ObservationHeader {
     pub leap_seconds: Option<i32>,
     /// Unit of the `S` observations, for example `DBHZ`.
     pub signal_strength_unit: String,
+    /// RINEX 2: 2 where the phases of band 1 and 2 are ambiguous by half cycles (squaring).
+    pub wavelength_factors: [u8; 2],
+    /// The same for single satellites.
+    pub satellite_wavelength_factors: BTreeMap<Satellite, [u8; 2]>,
 }
 
 impl Version {
@@ -174,12 +178,28 @@ impl TimeSystem {
 }
 
 impl ObservationHeader {
+    /// The header of a file of which only the first record is known.
+    pub(super) fn new(version: Version, system: Option<System>) -> Self {
+        Self { version, system, time_system: TimeSystem::of(system), ..Self::default() }
+    }
+
     /// The factor that the numbers of a column were multiplied with.
     pub(super) fn scale_factor(&self, system: System, code: ObservationCode) -> f64 {
         let latest = self.scale_factors.iter().rev().find(|scale| {
             scale.system == system && (scale.codes.is_empty() || scale.codes.contains(&code))
         });
         latest.map_or(1.0, |scale| scale.factor)
+    }
+
+    pub(super) fn has_half_wavelengths(&self) -> bool {
+        self.wavelength_factors.contains(&2) || !self.satellite_wavelength_factors.is_empty()
+    }
+
+    /// Whether the phases of this satellite and band are ambiguous by half cycles (RINEX 2).
+    pub(super) fn is_half_wavelength(&self, satellite: Satellite, band: Band) -> bool {
+        let own = self.satellite_wavelength_factors.get(&satellite);
+        let factors = own.unwrap_or(&self.wavelength_factors);
+        matches!((band.digit, factors), (1, [2, _]) | (2, [_, 2]))
     }
 
     /// The system that a blank system letter means.
@@ -238,6 +258,7 @@ impl HeaderRecords {
                 calendar(line).map(|date| header.last_epoch = header.time_system.instant(date))
             }
             b"# / TYPES OF OBSERV" => self.types_2(header, line),
+            b"WAVELENGTH FACT L1/2" => wavelength_factors(header, line),
             b"SYS / # / OBS TYPES" => self.types_3(header, line),
             b"SYS / SCALE FACTOR" => self.scale(header, line),
             b"SYS / PHASE SHIFT" | b"SYS / PHASE SHIFTS" => self.phase_shift(header, line),
@@ -321,7 +342,7 @@ impl HeaderRecords {
             header.scale_factors.push(ScaleFactor { system, factor, codes: Vec::new() });
         }
         let scale = header.scale_factors.get_mut(self.scale_of?)?;
-        scale.codes.extend(codes(line, 10, 12));
+        scale.codes.extend(codes(line, 11, 12));
         Some(())
     }
 
@@ -402,6 +423,30 @@ fn codes(line: &[u8], start: usize, count: usize) -> impl Iterator<Item = Observ
         let name = <[u8; 3]>::try_from(columns(line, at..at + 3)).ok()?;
         (name != [b' '; 3]).then_some(ObservationCode(name))
     })
+}
+
+/// `3I6,7(3X,A1,I2)`: factors of band 1 and 2, number of satellites, satellites; for all if none.
+fn wavelength_factors(header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
+    let factor = |at: usize| match columns(line, at..at + 6).trim_ascii() {
+        b"" => Some(0),
+        field => small_integer(field),
+    };
+    let factors = [factor(0)?, factor(6)?];
+    if factor(12)? == 0 {
+        header.wavelength_factors = factors;
+        return Some(());
+    }
+    for place in 0..7 {
+        let name = columns(line, 18 + 6 * place + 3..18 + 6 * place + 6);
+        let named = match *name {
+            [b' ', tens, units] => {
+                satellite(&[header.default_system().letter() as u8, tens, units])
+            }
+            _ => satellite(name),
+        };
+        header.satellite_wavelength_factors.extend(named.map(|satellite| (satellite, factors)));
+    }
+    Some(())
 }
 
 /// `I3,8(1X,A1,I2,1X,I2)`: the frequency channels of GLONASS slots.

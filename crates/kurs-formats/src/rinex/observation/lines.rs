@@ -41,6 +41,14 @@ impl Lines {
         }
     }
 
+    /// Whether epochs were dropped since this was asked last.
+    pub(super) fn take_lost(&mut self) -> bool {
+        match self {
+            Self::Plain(_) => false,
+            Self::Compact(lines) => lines.take_lost(),
+        }
+    }
+
     /// The file underneath.
     pub(super) const fn source(&self) -> &Source {
         match self {

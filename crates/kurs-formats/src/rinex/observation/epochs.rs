@@ -1,0 +1,395 @@
+//! Epochs and events as they stand in the file.
+//!
+//! In RINEX 3 and 4 every line names its satellite, so a bad line costs that satellite only. In
+//! RINEX 2 the order of the lines alone tells whose they are: where a line is missing or too many,
+//! the epoch is dropped, because its numbers may be those of other satellites.
+
+use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::signal::{Satellite, System};
+
+use super::columns::Columns;
+use super::epoch_line::{EpochFlag, EpochLine};
+use super::fields::{FIELD, Seen, drop_empty, is_observations, read_fields};
+use super::header::{HeaderRecords, ObservationHeader, satellite};
+use super::lines::Lines;
+use super::slips::PendingSlips;
+use crate::damage::DamageLog;
+use crate::rinex::fields::{columns, label};
+use crate::source::ReadError;
+
+/// Satellites that an epoch can have: the format counts them with three digits.
+const SATELLITES_MAX: usize = 999;
+/// Observations in a line of RINEX 2.
+const FIELDS_A_LINE: usize = 5;
+/// Satellites in an epoch line of RINEX 2, and in each line that continues it.
+const NAMES_A_LINE: usize = 12;
+
+/// Reads epoch by epoch behind the header; its parts are for [`super::ObservationReader`].
+#[derive(Debug)]
+pub(super) struct EpochReader {
+    pub(super) lines: Lines,
+    pub(super) header: ObservationHeader,
+    pub(super) damage: DamageLog,
+    pub(super) slips: PendingSlips,
+    /// One for each system, in the order of [`System::ALL`].
+    columns: [Columns; System::ALL.len()],
+    satellites: Vec<Option<Satellite>>,
+}
+
+impl EpochReader {
+    /// Reads the header; the lines are at its first record, which is in `header` already.
+    pub(super) fn new(lines: Lines, header: ObservationHeader) -> Result<Self, ReadError> {
+        let mut reader = Self {
+            lines,
+            header,
+            damage: DamageLog::default(),
+            slips: PendingSlips::default(),
+            columns: Default::default(),
+            satellites: Vec::new(),
+        };
+        reader.read_header()?;
+        Ok(reader)
+    }
+
+    /// Reads the next epoch into `epoch` and gives its line; `None` at the end. Events on the way
+    /// change the header or become slips.
+    pub(super) fn next(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
+        while self.advance()? {
+            if self.lines.take_lost() {
+                self.slips.mark_all();
+            }
+            let Some(line) = self.epoch_line() else {
+                self.skip_to_epoch()?;
+                continue;
+            };
+            let number = self.lines.line_number();
+            match line.flag {
+                EpochFlag::Observations | EpochFlag::AfterPowerFailure => {
+                    let all = self.slips.take_all();
+                    if self.read_observations(&line, epoch)? {
+                        self.slips.apply(epoch, all);
+                        return Ok(Some(number));
+                    }
+                    self.slips.mark_all();
+                }
+                EpochFlag::CycleSlips => {
+                    self.read_observations(&line, epoch)?;
+                    self.take_slips(epoch);
+                }
+                EpochFlag::MovingAntenna
+                | EpochFlag::NewSite
+                | EpochFlag::HeaderRecords
+                | EpochFlag::ExternalEvent => self.read_event(line.count)?,
+            }
+        }
+        if let Some(reason) = self.lines.source().broken_off() {
+            self.damage.note(self.lines.line_number(), reason.to_owned());
+        }
+        epoch.observations.clear();
+        Ok(None)
+    }
+
+    fn advance(&mut self) -> Result<bool, ReadError> {
+        self.lines.advance(&mut self.damage)
+    }
+
+    /// The line as the beginning of an epoch or event, if it is that.
+    fn epoch_line(&self) -> Option<EpochLine> {
+        EpochLine::parse(self.lines.line(), self.header.version, self.header.time_system)
+    }
+
+    fn read_header(&mut self) -> Result<(), ReadError> {
+        let mut records = HeaderRecords::default();
+        loop {
+            if !self.advance()? {
+                return Err(self.lines.source().bad_line("the file ends inside its header"));
+            }
+            let number = self.lines.line_number();
+            if label(self.lines.line()) == b"END OF HEADER" {
+                break;
+            }
+            if self.epoch_line().is_some() {
+                self.damage.note(number, "the header has no end, epochs begin here");
+                self.lines.hold_line();
+                break;
+            }
+            records.read(&mut self.header, self.lines.line(), number, &mut self.damage);
+        }
+        if self.header.observation_types.is_empty() {
+            return Err(self.lines.source().bad_line("the header declares no observation types"));
+        }
+        self.lay_out_columns();
+        Ok(())
+    }
+
+    fn lay_out_columns(&mut self) {
+        for (columns, system) in self.columns.iter_mut().zip(System::ALL) {
+            *columns = Columns::of(system, &self.header);
+        }
+    }
+
+    /// The records behind an event line: header records, or comments.
+    fn read_event(&mut self, count: usize) -> Result<(), ReadError> {
+        let mut records = HeaderRecords::default();
+        for _ in 0..count {
+            if !self.advance()? {
+                self.damage.note(self.lines.line_number(), "the file ends inside an event");
+                break;
+            }
+            let number = self.lines.line_number();
+            if self.epoch_line().is_some() {
+                self.damage.note(number, "the event has fewer records than it declares");
+                self.lines.hold_line();
+                break;
+            }
+            records.read(&mut self.header, self.lines.line(), number, &mut self.damage);
+        }
+        self.lay_out_columns();
+        Ok(())
+    }
+
+    /// Slip records have the form of observations: a number where a phase slipped. A satellite
+    /// without any number slipped on all its signals.
+    fn take_slips(&mut self, records: &AntennaEpoch) {
+        for o in records.observations.iter().filter(|o| o.phase_cycles.is_some()) {
+            self.slips.mark(o.satellite, o.signal);
+        }
+        for satellite in self.satellites.iter().flatten() {
+            if !records.observations.iter().any(|o| o.satellite == *satellite) {
+                for signal in &self.columns[satellite.system as usize].signals {
+                    self.slips.mark(*satellite, *signal);
+                }
+            }
+        }
+    }
+
+    /// Reads the satellites of an epoch; `false` if they had to be dropped.
+    fn read_observations(
+        &mut self,
+        line: &EpochLine,
+        epoch: &mut AntennaEpoch,
+    ) -> Result<bool, ReadError> {
+        epoch.time = line.time.unwrap_or_default();
+        epoch.power_failure = line.flag == EpochFlag::AfterPowerFailure;
+        epoch.clock_offset_s = line.clock_offset_s.filter(|_| !self.header.clock_offset_applied);
+        epoch.observations.clear();
+        self.satellites.clear();
+        if self.header.version.major < 3 {
+            self.read_satellite_list(line.count)?;
+            self.read_satellites_2(epoch)
+        } else {
+            self.read_satellites_3(line.count, epoch)?;
+            Ok(true)
+        }
+    }
+
+    /// RINEX 3 and 4: a line for each satellite, up to the next `>`.
+    fn read_satellites_3(
+        &mut self,
+        count: usize,
+        epoch: &mut AntennaEpoch,
+    ) -> Result<(), ReadError> {
+        let (mut found, mut repeated) = (0, 0);
+        let mut declared_end = None;
+        let mut seen = Seen::default();
+        while self.advance()? {
+            let number = self.lines.line_number();
+            let line = self.lines.line();
+            if line.first() == Some(&b'>') {
+                self.lines.hold_line();
+                break;
+            }
+            if columns(line, 60..67) == b"COMMENT" || line.is_empty() {
+                continue;
+            }
+            if found == count {
+                declared_end = Some(epoch.observations.len());
+            }
+            found += 1;
+            if found > SATELLITES_MAX {
+                continue;
+            }
+            let Some(satellite) = satellite(columns(line, 0..3)) else {
+                self.damage.note(number, "not the line of a satellite, skipped");
+                self.slips.mark_all();
+                continue;
+            };
+            if !seen.admit(satellite) {
+                repeated += 1;
+                let what = "comes twice in one epoch, skipped";
+                self.damage.note_with(number, || format!("{satellite} {what}").into());
+                continue;
+            }
+            self.satellites.push(Some(satellite));
+            let layout = &self.columns[satellite.system as usize];
+            if layout.columns.is_empty() {
+                let what = "no observations of this system in the header, skipped";
+                self.damage.note_with(number, || format!("{satellite}: {what}").into());
+                continue;
+            }
+            let base = epoch.observations.len();
+            epoch.observations.extend(layout.blank(satellite));
+            let observations = &mut epoch.observations[base..];
+            let fields = line.get(3..).unwrap_or_default();
+            let (slips, damage) = (&mut self.slips, &mut self.damage);
+            read_fields(&layout.columns, fields, observations, number, slips, damage);
+            drop_empty(&mut epoch.observations, base);
+        }
+        if found != count {
+            let line = self.lines.line_number();
+            let what = "satellites in the epoch instead of";
+            self.damage.note_with(line, || format!("{found} {what} {count}").into());
+            self.slips.mark_all();
+        }
+        // Too many, and the same again: the line of the next epoch is lost, its satellites are not
+        // of this one.
+        if let Some(end) = declared_end.filter(|_| repeated > 0) {
+            epoch.observations.truncate(end);
+        }
+        Ok(())
+    }
+
+    /// RINEX 2: the satellites of an epoch, twelve a line from column 33 on.
+    fn read_satellite_list(&mut self, count: usize) -> Result<(), ReadError> {
+        let mut seen = Seen::default();
+        let default = self.header.default_system().letter() as u8;
+        loop {
+            for place in 0..NAMES_A_LINE {
+                let name = columns(self.lines.line(), 32 + 3 * place..35 + 3 * place);
+                if name.trim_ascii().is_empty() {
+                    break;
+                }
+                let name = match *name {
+                    [b' ', tens, units] => satellite(&[default, tens, units]),
+                    _ => satellite(name),
+                };
+                self.satellites.push(name.filter(|satellite| seen.admit(*satellite)));
+            }
+            let full =
+                self.satellites.len().is_multiple_of(NAMES_A_LINE) && !self.satellites.is_empty();
+            let more = full && self.satellites.len() < count.min(SATELLITES_MAX);
+            if !more || !self.advance()? {
+                break;
+            }
+            if !columns(self.lines.line(), 0..32).trim_ascii().is_empty() {
+                self.lines.hold_line();
+                break;
+            }
+        }
+        let (found, number) = (self.satellites.len(), self.lines.line_number());
+        if found != count {
+            let what = "satellites in the list instead of";
+            self.damage.note_with(number, || format!("{found} {what} {count}").into());
+        }
+        if self.satellites.contains(&None) {
+            self.damage.note(number, "a satellite without a name or twice in the list, skipped");
+            self.slips.mark_all();
+        }
+        Ok(())
+    }
+
+    /// RINEX 2: the observations of each satellite of the list, five a line.
+    fn read_satellites_2(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
+        for index in 0..self.satellites.len() {
+            let satellite = self.satellites[index];
+            // All systems have the same columns: a satellite that is skipped has as many lines.
+            let system = satellite.map_or(self.header.default_system(), |s| s.system);
+            let line_count = self.columns[system as usize].columns.len().div_ceil(FIELDS_A_LINE);
+            let base = epoch.observations.len();
+            let layout = &self.columns[system as usize];
+            epoch.observations.extend(satellite.iter().flat_map(|s| layout.blank(*s)));
+            for part in 0..line_count {
+                if !self.advance_past_comments()? {
+                    self.damage.note(self.lines.line_number(), "the file ends inside an epoch");
+                    epoch.observations.truncate(base);
+                    return Ok(true);
+                }
+                let number = self.lines.line_number();
+                let fields = self.columns[system as usize].columns.chunks(FIELDS_A_LINE).nth(part);
+                let fields = fields.unwrap_or_default();
+                let line = self.lines.line();
+                let beyond = columns(line, fields.len() * FIELD..FIELDS_A_LINE * FIELD);
+                if self.epoch_line().is_some() || !beyond.trim_ascii().is_empty() {
+                    self.damage.note(number, "not the line of its satellite, the epoch is dropped");
+                    self.lines.hold_line();
+                    return Ok(false);
+                }
+                let observations = &mut epoch.observations[base..];
+                let (slips, damage) = (&mut self.slips, &mut self.damage);
+                read_fields(fields, line, observations, number, slips, damage);
+            }
+            self.apply_wavelength_factors(&mut epoch.observations[base..]);
+            drop_empty(&mut epoch.observations, base);
+        }
+        self.ends_with_its_lines()
+    }
+
+    /// Whether the next epoch begins behind the satellites of this one (RINEX 2). If more
+    /// observations stand there, there was a line too many; only if there are many of them it is
+    /// rather the next epoch line that is lost.
+    fn ends_with_its_lines(&mut self) -> Result<bool, ReadError> {
+        let mut extra = 0;
+        let first = self.lines.line_number() + 1;
+        while self.advance()? {
+            if self.epoch_line().is_some() || !is_observations(self.lines.line()) {
+                self.lines.hold_line();
+                break;
+            }
+            extra += 1;
+        }
+        if extra == 0 {
+            return Ok(true);
+        }
+        self.slips.mark_all();
+        let layout = &self.columns[self.header.default_system() as usize];
+        let own = extra >= 2 * layout.columns.len().div_ceil(FIELDS_A_LINE);
+        let fate = if own { "skipped" } else { "the epoch before is dropped" };
+        self.damage.note_with(first, || format!("{extra} lines without an epoch, {fate}").into());
+        Ok(own)
+    }
+
+    fn advance_past_comments(&mut self) -> Result<bool, ReadError> {
+        loop {
+            if !self.advance()? {
+                return Ok(false);
+            }
+            if columns(self.lines.line(), 60..67) != b"COMMENT" {
+                return Ok(true);
+            }
+        }
+    }
+
+    /// In half-cycle data the digit says where the ambiguity is a whole cycle nevertheless.
+    fn apply_wavelength_factors(&self, observations: &mut [Observation]) {
+        if !self.header.has_half_wavelengths() {
+            return;
+        }
+        for o in observations.iter_mut().filter(|o| o.phase_cycles.is_some()) {
+            if self.header.is_half_wavelength(o.satellite, o.signal.band) {
+                o.lock.0 ^= Lock::HALF_CYCLE;
+            }
+        }
+    }
+
+    /// Passes over a line that should begin an epoch, and all up to the next one that does.
+    fn skip_to_epoch(&mut self) -> Result<(), ReadError> {
+        let first = self.lines.line_number();
+        let line = self.lines.line();
+        if line.trim_ascii().is_empty() || columns(line, 60..67) == b"COMMENT" {
+            return Ok(());
+        }
+        let mut skipped = 1_u64;
+        while self.advance()? {
+            if self.epoch_line().is_some() {
+                self.lines.hold_line();
+                break;
+            }
+            skipped += 1;
+        }
+        self.slips.mark_all();
+        self.damage.note_with(first, || {
+            format!("not an epoch line, skipped with {} lines behind it", skipped - 1).into()
+        });
+        Ok(())
+    }
+}
