@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{
     AmbiguityError, MixedFloat,
     decorrelate::Decorrelation,
-    search::whole_and_fraction,
+    search::{DEFAULT_HORIZON, whole_and_fraction},
     sphere::{Length, SphereMetric},
 };
 
@@ -51,6 +51,10 @@ pub struct LengthCandidate {
 pub struct LengthConstrained {
     /// Branches opened before [`AmbiguityError::BudgetExceeded`].
     pub node_budget: usize,
+    /// Vectors that cost more than the best by more than this are not looked for. With strong
+    /// models most of the time would go into the proof of a rival that cannot matter.
+    pub horizon: f64,
+    proven_to: f64,
     decorrelation: Decorrelation,
     nodes: Vec<Node>,
     queue: BinaryHeap<Queued>,
@@ -60,6 +64,8 @@ impl Default for LengthConstrained {
     fn default() -> Self {
         Self {
             node_budget: DEFAULT_NODE_BUDGET,
+            horizon: DEFAULT_HORIZON,
+            proven_to: f64::NAN,
             decorrelation: Decorrelation::default(),
             nodes: Vec::new(),
             queue: BinaryHeap::new(),
@@ -69,7 +75,7 @@ impl Default for LengthConstrained {
 
 impl LengthConstrained {
     /// The `count` integer vectors of least cost for the one baseline in `float` (three reals),
-    /// cheapest first.
+    /// cheapest first; fewer if the others lie beyond the [`horizon`](Self::horizon).
     ///
     /// # Errors
     ///
@@ -94,14 +100,26 @@ impl LengthConstrained {
         &self.decorrelation
     }
 
+    /// Every integer vector that the last call of [`solve`](Self::solve) has not returned costs at
+    /// least this.
+    #[must_use]
+    pub fn proven_to(&self) -> f64 {
+        self.proven_to
+    }
+
     /// Indices of the `count` cheapest leaves, cheapest first.
     fn cheapest(&mut self, levels: &Levels, count: usize) -> Result<Vec<usize>, AmbiguityError> {
         self.nodes.clear();
         self.queue.clear();
-        let mut leaves = Vec::with_capacity(count);
+        let mut leaves: Vec<usize> = Vec::with_capacity(count);
         self.push(levels.root());
-        while leaves.len() < count {
-            let Some(Queued { bound, node }) = self.queue.pop() else { break };
+        while let Some(Queued { bound, node }) = self.queue.pop() {
+            self.proven_to = bound;
+            let end =
+                leaves.first().map_or(f64::INFINITY, |&best| self.nodes[best].bound + self.horizon);
+            if leaves.len() == count || bound > end {
+                break;
+            }
             if self.nodes[node].free == 0 {
                 leaves.push(node);
             } else {
@@ -134,14 +152,20 @@ impl LengthConstrained {
                 return;
             }
             let baseline_m = node.baseline_m - levels.gains_m[k] * residual;
+            let (inner, multiplier) = if k == 0 {
+                (levels.spheres[0].cost(&baseline_m), 0.0)
+            } else {
+                levels.spheres[k].lower_bound(&baseline_m, node.multiplier)
+            };
             let child = Node {
                 free: k,
                 parent,
                 integer: node.next_integer,
                 residual,
                 norm,
-                bound: (norm + levels.spheres[k].cost(&baseline_m)).max(node.bound),
+                bound: (norm + inner).max(node.bound),
                 baseline_m,
+                multiplier,
                 ..Node::default()
             };
             self.push(child);
@@ -236,8 +260,8 @@ impl Levels {
     /// Nothing fixed yet.
     fn root(&self) -> Node {
         let n = self.float.len();
-        let bound = self.spheres[n].cost(&self.baseline_m);
-        Node { free: n, bound, baseline_m: self.baseline_m, ..Node::default() }
+        let (bound, multiplier) = self.spheres[n].cost_and_multiplier(&self.baseline_m);
+        Node { free: n, bound, baseline_m: self.baseline_m, multiplier, ..Node::default() }
     }
 }
 
@@ -257,6 +281,8 @@ struct Node {
     bound: f64,
     /// `b̌ₖ`.
     baseline_m: Vector3<f64>,
+    /// `μ` of the bound: a good start for the children, whose metrics are narrower.
+    multiplier: f64,
     /// Conditional estimate of the next level, the integer to try there, and the way to the one
     /// after it: +1, −2, +3, … or the mirror image; zero before the node is opened.
     center: f64,
@@ -333,7 +359,8 @@ mod tests {
     #[test]
     fn every_vector_of_the_ellipsoid_was_considered() {
         let mut random = seeded(30);
-        let mut search = LengthConstrained::default();
+        let mut search = LengthConstrained { horizon: f64::INFINITY, ..Default::default() };
+        let mut compared = 0;
         for case in 0..150 {
             let satellites = 5 + case % 3;
             let noise = Noise { code_m: 0.15, phase_m: 0.003 };
@@ -361,8 +388,9 @@ mod tests {
                 }
             }
             if nearest.last().unwrap().squared_distance <= found[1].cost {
-                continue;
+                continue; // too many to list
             }
+            compared += 1;
             let mut all: Vec<(f64, Vec<i64>)> = nearest
                 .into_iter()
                 .map(|c| (cost(float, length, &c.integers), c.integers))
@@ -370,7 +398,11 @@ mod tests {
             all.sort_by(|a, b| a.0.total_cmp(&b.0));
             assert_eq!(found[0].integers, all[0].1, "case {case}");
             assert_eq!(found[1].integers, all[1].1, "case {case}");
+            let near = LengthConstrained::default().solve(float, length, 2).unwrap();
+            assert_eq!(near[..], found[..near.len()]);
+            assert!(near.len() == 2 || found[1].cost > found[0].cost + DEFAULT_HORIZON);
         }
+        assert!(compared > 100, "{compared}");
     }
 
     #[test]
@@ -389,7 +421,8 @@ mod tests {
             let length = Length { length_m, sd_m: 0.003 };
             let found = search.solve(&float, length, 2).unwrap();
             assert!(found[0].cost >= plain[0].squared_distance - 1e-9);
-            assert!(found[0].cost <= found[1].cost);
+            assert!(found.windows(2).all(|pair| pair[0].cost <= pair[1].cost));
+            assert!(search.proven_to() >= found[found.len() - 1].cost);
             let loose = search.solve(&float, Length { length_m, sd_m: 1e6 }, 1).unwrap();
             assert_eq!(loose[0].integers, plain[0].integers);
             assert!((loose[0].cost - plain[0].squared_distance).abs() < 1e-5);

@@ -13,6 +13,10 @@ use super::{AmbiguityError, MAX_CYCLES, decorrelate::Decorrelation};
 /// Nodes that a search visits by default before it gives up: some tenths of a second.
 pub const DEFAULT_NODE_BUDGET: usize = 5_000_000;
 
+/// How much farther than the nearest vector (in squared distance) a rival is looked for by default:
+/// beyond, it is less probable than the nearest one by a factor of `exp(30)`.
+pub const DEFAULT_HORIZON: f64 = 60.0;
+
 /// An integer vector and how far it is from the float one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
@@ -23,7 +27,7 @@ pub struct Candidate {
 }
 
 /// The `count` integer vectors nearest to `float` (cycles) in the metric of `covariance`
-/// (`n × n`, cycles²), nearest first.
+/// (`n × n`, cycles²), nearest first, however far.
 ///
 /// # Errors
 ///
@@ -33,7 +37,8 @@ pub fn integer_least_squares(
     covariance: &DMatrix<f64>,
     count: usize,
 ) -> Result<Vec<Candidate>, AmbiguityError> {
-    IntegerLeastSquares::default().solve(float, covariance, count)
+    let mut search = IntegerLeastSquares { horizon: f64::INFINITY, ..Default::default() };
+    search.solve(float, covariance, count)
 }
 
 /// The search with its memory: keep one and call it every epoch.
@@ -41,22 +46,30 @@ pub fn integer_least_squares(
 pub struct IntegerLeastSquares {
     /// Nodes visited before [`AmbiguityError::BudgetExceeded`].
     pub node_budget: usize,
+    /// Vectors farther than the nearest one by more than this, in squared distance, are not
+    /// looked for.
+    pub horizon: f64,
     decorrelation: Decorrelation,
     tree: Tree,
+    proven_to: f64,
 }
 
 impl Default for IntegerLeastSquares {
     fn default() -> Self {
         Self {
             node_budget: DEFAULT_NODE_BUDGET,
+            horizon: DEFAULT_HORIZON,
             decorrelation: Decorrelation::default(),
             tree: Tree::default(),
+            proven_to: f64::NAN,
         }
     }
 }
 
 impl IntegerLeastSquares {
-    /// As [`integer_least_squares`], with this memory and budget.
+    /// The `count` integer vectors nearest to `float` (cycles) in the metric of `covariance`
+    /// (`n × n`, cycles²), nearest first; fewer if the others lie beyond the
+    /// [`horizon`](Self::horizon).
     ///
     /// # Errors
     ///
@@ -70,7 +83,8 @@ impl IntegerLeastSquares {
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
         self.decorrelation.compute(covariance)?;
         self.tree.prepare(&self.decorrelation, &fraction);
-        let leaves = self.tree.nearest(&self.decorrelation, count, self.node_budget)?;
+        let (leaves, radius) = self.nearest(count)?;
+        self.proven_to = radius;
         leaves
             .into_iter()
             .map(|leaf| {
@@ -83,10 +97,58 @@ impl IntegerLeastSquares {
             .collect()
     }
 
+    /// Every integer vector that the last call of [`solve`](Self::solve) has not returned is at
+    /// least this far, in squared distance.
+    #[must_use]
+    pub fn proven_to(&self) -> f64 {
+        self.proven_to
+    }
+
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
     #[must_use]
     pub fn decorrelation(&self) -> &Decorrelation {
         &self.decorrelation
+    }
+
+    /// The `count` nearest leaves, nearest first, and the radius in which there are no others.
+    fn nearest(&mut self, count: usize) -> Result<(Vec<Leaf>, f64), AmbiguityError> {
+        let tree = &mut self.tree;
+        let n = self.decorrelation.dimension();
+        let mut found: Vec<Leaf> = Vec::with_capacity(count + 1);
+        if count == 0 {
+            return Ok((found, 0.0));
+        }
+        let mut radius = f64::INFINITY;
+        let mut k = n - 1;
+        tree.enter(&self.decorrelation, k, 0.0);
+        for _ in 0..self.node_budget {
+            let residual = tree.centers[k] - tree.integers[k];
+            let norm = tree.norms_above[k] + residual * residual * tree.weights[k];
+            // False for a norm that is not a number, too: such a branch is left.
+            if norm < radius {
+                if k > 0 {
+                    tree.residuals[k] = residual;
+                    k -= 1;
+                    tree.enter(&self.decorrelation, k, norm);
+                    continue;
+                }
+                let place = found.partition_point(|leaf| leaf.squared_distance <= norm);
+                found.insert(place, tree.leaf(norm));
+                radius = found[0].squared_distance + self.horizon;
+                if found.len() >= count {
+                    found.truncate(count);
+                    radius = radius.min(found[count - 1].squared_distance);
+                }
+            } else {
+                k += 1;
+                if k == n {
+                    found.retain(|leaf| leaf.squared_distance <= radius);
+                    return Ok((found, radius));
+                }
+            }
+            tree.next_integer(k);
+        }
+        Err(AmbiguityError::BudgetExceeded { nodes: self.node_budget })
     }
 }
 
@@ -159,49 +221,6 @@ impl Tree {
         for k in 0..n {
             self.partial_centers[n + k * (n + 1)] = self.float[k];
         }
-    }
-
-    /// The `count` nearest leaves, nearest first, in decorrelated integers.
-    fn nearest(
-        &mut self,
-        decorrelation: &Decorrelation,
-        count: usize,
-        node_budget: usize,
-    ) -> Result<Vec<Leaf>, AmbiguityError> {
-        let n = decorrelation.dimension();
-        let mut found: Vec<Leaf> = Vec::with_capacity(count + 1);
-        if count == 0 {
-            return Ok(found);
-        }
-        let mut radius = f64::INFINITY;
-        let mut k = n - 1;
-        self.enter(decorrelation, k, 0.0);
-        for _ in 0..node_budget {
-            let residual = self.centers[k] - self.integers[k];
-            let norm = self.norms_above[k] + residual * residual * self.weights[k];
-            // False for a norm that is not a number, too: such a branch is left.
-            if norm < radius {
-                if k > 0 {
-                    self.residuals[k] = residual;
-                    k -= 1;
-                    self.enter(decorrelation, k, norm);
-                    continue;
-                }
-                let place = found.partition_point(|leaf| leaf.squared_distance <= norm);
-                found.insert(place, self.leaf(norm));
-                if found.len() >= count {
-                    found.truncate(count);
-                    radius = found[count - 1].squared_distance;
-                }
-            } else {
-                k += 1;
-                if k == n {
-                    return Ok(found);
-                }
-            }
-            self.next_integer(k);
-        }
-        Err(AmbiguityError::BudgetExceeded { nodes: node_budget })
     }
 
     /// Comes to level `k` from above: conditional estimate, and the integer nearest to it.
@@ -470,6 +489,29 @@ mod tests {
         assert_eq!(many[..7], few[..]);
         assert_eq!(many.len(), 50);
         assert!(integer_least_squares(&float, &q, 0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn rivals_beyond_the_horizon_are_proven_to_be_far() {
+        let mut random = seeded(10);
+        let mut search = IntegerLeastSquares::default();
+        let mut alone = 0;
+        for case in 0..200 {
+            let q = random_covariance(&mut random, 2 + case % 8) * 0.005;
+            let float = float_near_integers(&mut random, &q);
+            let all = integer_least_squares(&float, &q, 4).unwrap();
+            let near = search.solve(&float, &q, 4).unwrap();
+            assert_eq!(near[..], all[..near.len()]);
+            match all.get(near.len()) {
+                Some(next) => {
+                    assert!(search.proven_to() <= next.squared_distance);
+                    assert!(search.proven_to() == near[0].squared_distance + DEFAULT_HORIZON);
+                    alone += 1;
+                }
+                None => assert!(search.proven_to() == near[3].squared_distance),
+            }
+        }
+        assert!(alone > 20 && alone < 180, "{alone}");
     }
 
     #[test]

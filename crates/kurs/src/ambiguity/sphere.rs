@@ -21,6 +21,8 @@ use super::AmbiguityError;
 
 /// Newton steps on the secular equation; they converge from one side, in three to six steps.
 const MAX_STEPS: usize = 40;
+/// Relative size of a step after which the equation is solved to rounding.
+const SMALL_STEP: f64 = 1e-13;
 
 /// A length known to a standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +58,7 @@ pub struct SphereMetric {
     length_variance_m2: f64,
 }
 
-/// The solution of the secular equation for one point.
+/// A multiplier for one point, near or at the root of the secular equation.
 struct Multiplier {
     /// Components of the point along the principal axes, m.
     components_m: Vector3<f64>,
@@ -94,18 +96,35 @@ impl SphereMetric {
         })
     }
 
-    /// `c(b̌)`, no unit: never above the true minimum, and equal to it to rounding.
+    /// `c(b̌)`, no unit.
     #[must_use]
     pub fn cost(&self, point_m: &Vector3<f64>) -> f64 {
+        self.cost_and_multiplier(point_m).0
+    }
+
+    /// `c(b̌)` and the multiplier `μ` at which it was found.
+    pub(super) fn cost_and_multiplier(&self, point_m: &Vector3<f64>) -> (f64, f64) {
         let found = self.multiplier(point_m);
+        (self.dual(&found), found.mu)
+    }
+
+    /// A lower bound of `c(b̌)` and its multiplier `μ`, from few steps that begin at `start_mu`:
+    /// the multiplier of a neighbouring point in a metric that is not narrower.
+    pub(super) fn lower_bound(&self, point_m: &Vector3<f64>, start_mu: f64) -> (f64, f64) {
+        const FEW: usize = 2;
+        let found = self.improved(self.axes * point_m, start_mu + 1.0 / self.variances_m2[0], FEW);
+        (self.dual(&found), found.mu)
+    }
+
+    /// `g(μ)`.
+    fn dual(&self, at: &Multiplier) -> f64 {
         let mut squares = 0.0;
         for i in 0..3 {
-            if found.components_m[i] != 0.0 {
-                squares += found.components_m[i].powi(2) / found.stretches[i];
+            if at.components_m[i] != 0.0 {
+                squares += at.components_m[i].powi(2) / at.stretches[i];
             }
         }
-        let dual = found.mu * (squares - self.length_m.powi(2) / found.length_stretch);
-        dual.max(0.0)
+        (at.mu * (squares - self.length_m.powi(2) / at.length_stretch)).max(0.0)
     }
 
     /// The minimiser `b`, m; one of two if the point lies in the plane of symmetry between them.
@@ -127,28 +146,38 @@ impl SphereMetric {
         self.axes.tr_mul(&along_axes)
     }
 
-    /// Solves `1/r(μ) = (1 − μ σ²)/l` for `r(μ)² = Σ uᵢ² / (1 + μ qᵢ)²`.
-    ///
-    /// The difference of both sides is concave and grows with `μ`, so that Newton's steps from a
-    /// start below the root stay below it. The unknown is `δ = μ + 1/q_max >= 0`, which keeps its
-    /// digits next to the pole.
+    /// The root of the secular equation.
     fn multiplier(&self, point_m: &Vector3<f64>) -> Multiplier {
-        let u = self.axes * point_m;
-        let q = &self.variances_m2;
-        let (l, length_variance) = (self.length_m, self.length_variance_m2);
-        // 1 + μ qᵢ = (1 − qᵢ/q_max) + δ qᵢ,   1 − μ σ² = (1 + σ²/q_max) − δ σ²
-        let at_pole = q.map(|variance| 1.0 - variance / q[0]);
-        let length_at_pole = 1.0 + length_variance / q[0];
+        let components_m = self.axes * point_m;
+        self.improved(components_m, self.below_root(&components_m), MAX_STEPS)
+    }
 
-        // One component alone has |uᵢ| / (1 + μ qᵢ) = l / (1 − μ σ²) at
-        // μ = (|uᵢ| − l) / (l qᵢ + |uᵢ| σ²); all three are longer there: a start below the root.
+    /// A `δ` below the root. One component alone has `|uᵢ| / (1 + μ qᵢ) = l / (1 − μ σ²)` at
+    /// `μ = (|uᵢ| − l) / (l qᵢ + |uᵢ| σ²)`; all three together are longer there.
+    fn below_root(&self, u: &Vector3<f64>) -> f64 {
+        let (q, l, length_variance) = (&self.variances_m2, self.length_m, self.length_variance_m2);
         let mut delta = u[0].abs() * (length_variance + q[0])
             / (q[0] * (l * q[0] + u[0].abs() * length_variance));
         for i in 1..3 {
             let alone = (u[i].abs() - l) / (l * q[i] + u[i].abs() * length_variance);
             delta = delta.max(alone + 1.0 / q[0]);
         }
-        for _ in 0..MAX_STEPS {
+        delta
+    }
+
+    /// Newton's method for `1/r(μ) = (1 − μ σ²)/l`, where `r(μ)² = Σ uᵢ² / (1 + μ qᵢ)²`.
+    ///
+    /// The difference of both sides is concave and grows with `μ`: every step ends below the root,
+    /// and from there they stay below it. The unknown is `δ = μ + 1/q_max >= 0`, which keeps its
+    /// digits next to the pole.
+    fn improved(&self, u: Vector3<f64>, start: f64, max_steps: usize) -> Multiplier {
+        let q = &self.variances_m2;
+        let (l, length_variance) = (self.length_m, self.length_variance_m2);
+        // 1 + μ qᵢ = (1 − qᵢ/q_max) + δ qᵢ,   1 − μ σ² = (1 + σ²/q_max) − δ σ²
+        let at_pole = q.map(|variance| 1.0 - variance / q[0]);
+        let length_at_pole = 1.0 + length_variance / q[0];
+        let mut delta = start;
+        for _ in 0..max_steps {
             let (mut r_squared, mut slope) = (0.0, 0.0);
             for i in 0..3 {
                 if u[i] != 0.0 {
@@ -162,11 +191,15 @@ impl SphereMetric {
             // ψ = 1/r − (1 − μσ²)/l,   ψ' = Σ uᵢ² qᵢ / (1 + μqᵢ)³ / r³ + σ²/l
             let value = 1.0 / r - (length_at_pole - delta * length_variance) / l;
             let step = -value / (slope / (r_squared * r) + length_variance / l);
-            // Not above zero: the root, the hard case (no root; δ = 0), or a point at the center.
-            if step.is_nan() || step <= 1e-15 * delta {
+            // The root; or a point at the center, from where every direction is as good.
+            if step.is_nan() || step.abs() <= SMALL_STEP * delta {
                 break;
             }
-            delta += step;
+            delta = if step > 0.0 { delta + step } else { (delta + step).max(self.below_root(&u)) };
+            // The hard case: no root, the pole is the largest that there is.
+            if step < 0.0 && delta == 0.0 {
+                break;
+            }
         }
         Multiplier {
             components_m: u,
