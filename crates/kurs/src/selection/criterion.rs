@@ -2,6 +2,8 @@
 
 use super::gram::{Gram, Invariants};
 
+/// Room for rounding in comparisons of bounds; what falls inside is evaluated in full.
+const ROUNDING: f64 = 1e-9;
 /// Rounding error of a 3×3 determinant, as a share of the cube of the trace.
 const DETERMINANT_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
@@ -69,34 +71,67 @@ impl Criterion {
         }
     }
 
-    /// A bound below [`Criterion::cost_of`] that needs no eigenvalues; for the trace it is the cost
-    /// itself, to rounding.
-    ///
-    /// Ratios of power sums bound the extreme eigenvalues: λ_max ≥ Σλ²/Σλ, 1/λ_min ≥ Σλ⁻²/Σλ⁻¹.
+    /// Whether [`Criterion::cost_of`] can be below `limit`, without eigenvalues: false for most sets
+    /// of a search, true for every better one.
     #[inline]
-    pub(super) fn cost_bound(self, gram: &Gram) -> f64 {
+    pub(super) fn can_be_below(self, limit: f64, gram: &Gram) -> bool {
         let mut of_baselines = gram.invariants();
-        let of_information = of_baselines.of_information();
-        // The determinant is rounded to about ε e₁³; the bound must hold for a flat array too.
-        of_baselines.e3 += DETERMINANT_ROUNDING * of_baselines.e1.powi(3);
         match self {
-            Self::BaselineCondition => condition_bound(&of_baselines),
-            Self::InformationCondition => condition_bound(&of_information),
-            // Σλ⁻²/Σλ⁻¹ = (e₂² − 2e₁e₃)/(e₂e₃)
-            Self::SmallestInformation => {
-                let Invariants { e1, e2, e3 } = of_information;
-                (e2 * e2 - 2.0 * e1 * e3) / (e2 * e3)
+            Self::BaselineCondition => {
+                // The determinant is rounded to about ε e₁³; a flat array must not be refused for it.
+                of_baselines.e3 += DETERMINANT_ROUNDING * of_baselines.e1.powi(3);
+                condition_can_be_below(limit, &of_baselines)
+                    && condition_can_be_below(limit * limit, &of_baselines.squared())
             }
-            // Σλ⁻¹ = e₂/e₃
-            Self::TraceOfCovariance => of_information.e2 / of_information.e3,
+            Self::InformationCondition => {
+                let of_information = of_baselines.of_information();
+                condition_can_be_below(limit, &of_information)
+                    && condition_can_be_below(limit * limit, &of_information.squared())
+            }
+            Self::SmallestInformation => {
+                let of_information = of_baselines.of_information();
+                inverse_can_be_below(limit, &of_information)
+                    && inverse_can_be_below(limit * limit, &of_information.squared())
+            }
+            // tr J⁻¹ = e₂/e₃
+            Self::TraceOfCovariance => {
+                let Invariants { e2, e3, .. } = of_baselines.of_information();
+                is_below(e2 * (1.0 - ROUNDING), limit * e3)
+            }
+        }
+    }
+
+    /// A set whose R has a smaller trace than this (m²) costs more than `cost`, whatever its shape;
+    /// 0 where length does not count.
+    pub(super) fn least_trace(self, cost: f64) -> f64 {
+        match self {
+            Self::BaselineCondition | Self::InformationCondition => 0.0,
+            // λ_min(J) ≤ tr(J)/3,  tr J = 2 tr R
+            Self::SmallestInformation => 1.5 / cost,
+            // tr J⁻¹ ≥ 9/tr J
+            Self::TraceOfCovariance => 4.5 / cost,
         }
     }
 }
 
-/// (Σλ²/Σλ)(Σλ⁻²/Σλ⁻¹) = (e₁² − 2e₂)(e₂² − 2e₁e₃)/(e₁e₂e₃) ≤ κ.
+/// κ ≥ (Σλ²/Σλ)(Σλ⁻²/Σλ⁻¹) = (e₁² − 2e₂)(e₂² − 2e₁e₃)/(e₁e₂e₃); for the squared matrix this bounds
+/// κ², more closely.
 #[inline]
-fn condition_bound(&Invariants { e1, e2, e3 }: &Invariants) -> f64 {
-    (e1 * e1 - 2.0 * e2) * (e2 * e2 - 2.0 * e1 * e3) / (e1 * e2 * e3)
+fn condition_can_be_below(limit: f64, &Invariants { e1, e2, e3 }: &Invariants) -> bool {
+    let scaled_bound = (e1 * e1 - 2.0 * e2) * (e2 * e2 - 2.0 * e1 * e3);
+    is_below(scaled_bound * (1.0 - ROUNDING), limit * (e1 * e2 * e3))
+}
+
+/// 1/λ_min ≥ Σλ⁻²/Σλ⁻¹ = (e₂² − 2e₁e₃)/(e₂e₃).
+#[inline]
+fn inverse_can_be_below(limit: f64, &Invariants { e1, e2, e3 }: &Invariants) -> bool {
+    is_below((e2 * e2 - 2.0 * e1 * e3) * (1.0 - ROUNDING), limit * (e2 * e3))
+}
+
+/// Whether `a < b`, or `b` is ∞ · 0 while no limit is known.
+#[inline]
+fn is_below(a: f64, b: f64) -> bool {
+    a < b || b.is_nan()
 }
 
 #[cfg(test)]
@@ -128,18 +163,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_bound_is_never_above_the_cost(
+        fn a_better_set_is_never_refused_unseen(
             a in 1e-4..1.0f64, b in 1e-4..1.0f64, c in 1e-4..1.0f64,
         ) {
             let gram = Gram::of(&Vector3::x(), a) + Gram::of(&Vector3::y(), b)
                 + Gram::of(&Vector3::z(), c);
             for criterion in Criterion::ALL {
-                let (bound, cost) = (criterion.cost_bound(&gram), criterion.cost_of(&gram));
-                prop_assert!(bound <= cost * (1.0 + 1e-10), "{criterion:?} {bound} {cost}");
-                prop_assert!(bound >= cost / 9.0, "{criterion:?}: useless bound {bound} of {cost}");
+                let cost = criterion.cost_of(&gram);
+                prop_assert!(criterion.can_be_below(cost * (1.0 + 1e-10), &gram), "{criterion:?}");
+                prop_assert!(criterion.can_be_below(f64::INFINITY, &gram), "{criterion:?}");
+                prop_assert!(!criterion.can_be_below(cost / 3.0, &gram), "{criterion:?} useless");
             }
-            let trace = Criterion::TraceOfCovariance;
-            prop_assert!((trace.cost_bound(&gram) / trace.cost_of(&gram) - 1.0).abs() < 1e-10);
+            for criterion in Criterion::ALL {
+                let least = criterion.least_trace(criterion.cost_of(&gram));
+                prop_assert!(least <= (a + b + c) * (1.0 + 1e-14), "{criterion:?} {least}");
+            }
         }
     }
 }

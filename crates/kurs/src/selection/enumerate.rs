@@ -3,20 +3,42 @@
 
 use super::gram::Gram;
 use super::parts::Parts;
+use super::swap::descend;
 use super::{Baselines, Criterion, Graph, MAX_ANTENNAS};
 
-/// Room for the rounding of [`Criterion::cost_bound`]; a candidate inside it is evaluated in full.
-const BOUND_SLACK: f64 = 1.0 + 1e-9;
+/// Room for the rounding of sums of squared lengths.
+const TRACE_SLACK: f64 = 1.0 - 1e-9;
 
 /// The recursion over the baselines, with what stays the same in it.
 struct Enumeration<'a, Visit> {
     baselines: &'a Baselines,
+    /// Takes a set and its Gram matrix; returns the trace that later sets must have to matter.
     visit: Visit,
     chosen: [usize; MAX_ANTENNAS],
     size: usize,
+    /// `longest_m2[k][r]`: sum of the r largest squared lengths from baseline k on.
+    longest_m2: Vec<Vec<f64>>,
+    least_trace_m2: f64,
+    /// Branches that may still be entered.
+    budget: u64,
 }
 
-impl<Visit: FnMut(&[usize], &Gram)> Enumeration<'_, Visit> {
+impl<Visit: FnMut(&[usize], &Gram) -> f64> Enumeration<'_, Visit> {
+    /// Looks at every set that can matter; false if the budget of branches ended before.
+    fn run(baselines: &Baselines, graph: Graph, budget: u64, visit: Visit) -> bool {
+        let mut enumeration = Enumeration {
+            baselines,
+            visit,
+            chosen: [0; MAX_ANTENNAS],
+            size: baselines.antennas - 1,
+            longest_m2: longest_sums(baselines),
+            least_trace_m2: 0.0,
+            budget,
+        };
+        enumeration.extend(0, 0, &Parts::none(graph, baselines.antennas), &Gram::default());
+        enumeration.budget > 0
+    }
+
     /// Adds each baseline from index `start` on that keeps the graph admissible.
     fn extend(&mut self, start: usize, taken: usize, parts: &Parts, gram: &Gram) {
         let left = self.size - taken;
@@ -35,52 +57,89 @@ impl<Visit: FnMut(&[usize], &Gram)> Enumeration<'_, Visit> {
             }
             self.chosen[taken] = k;
             let sum = *gram + self.baselines.grams[k];
-            if left > 1 {
+            if left == 1 {
+                self.least_trace_m2 = (self.visit)(&self.chosen[..self.size], &sum);
+            } else if sum.trace() + self.longest_m2[k + 1][left - 1] >= self.least_trace_m2 {
+                self.budget = self.budget.saturating_sub(1);
+                if self.budget == 0 {
+                    return;
+                }
                 self.extend(k + 1, taken + 1, &parts.with(pair), &sum);
-            } else {
-                (self.visit)(&self.chosen[..self.size], &sum);
             }
         }
     }
+}
+
+/// `[k][r]`: sum of the r largest squared lengths from baseline k on, r below the antenna count.
+fn longest_sums(baselines: &Baselines) -> Vec<Vec<f64>> {
+    let sums_from = |k: usize| {
+        let mut squared: Vec<f64> = baselines.grams[k..].iter().map(Gram::trace).collect();
+        squared.sort_by(|a, b| b.total_cmp(a));
+        let mut sum = 0.0;
+        let longest = squared.iter().take(baselines.antennas).map(|length| {
+            sum += length;
+            sum
+        });
+        core::iter::once(0.0).chain(longest).collect()
+    };
+    (0..baselines.grams.len()).map(sums_from).collect()
 }
 
 /// Calls `visit` with every admissible set of baselines (ascending indices) and its Gram matrix, in
 /// lexicographic order.
 ///
 /// The number of sets grows as n^(n−2) for trees and as C(n(n−1)/2, n−1) in general.
-pub fn for_each_graph(baselines: &Baselines, graph: Graph, visit: impl FnMut(&[usize], &Gram)) {
-    let mut enumeration =
-        Enumeration { baselines, visit, chosen: [0; MAX_ANTENNAS], size: baselines.antennas - 1 };
+pub fn for_each_graph(baselines: &Baselines, graph: Graph, mut visit: impl FnMut(&[usize], &Gram)) {
     if graph == Graph::AllPairs {
-        let every: Vec<usize> = (0..baselines.pairs.len()).collect();
-        (enumeration.visit)(&every, &baselines.gram(&every));
+        let every = baselines.every();
+        visit(&every, &baselines.gram(&every));
     } else {
-        enumeration.extend(0, 0, &Parts::none(graph, baselines.antennas), &Gram::default());
+        Enumeration::run(baselines, graph, u64::MAX, |chosen, gram| {
+            visit(chosen, gram);
+            0.0
+        });
     }
 }
 
-/// The admissible set with the smallest cost, by looking at all of them; the first in lexicographic
-/// order among equals. If every set is singular, the first set.
+/// The admissible set with the smallest cost: every set is looked at, or belongs to a branch whose
+/// baselines are too short for any of its sets to be better than one already found.
 #[must_use]
 pub fn best_by_enumeration(
     baselines: &Baselines,
     graph: Graph,
     criterion: Criterion,
 ) -> Vec<usize> {
-    let mut best = Vec::new();
-    let mut best_cost = f64::INFINITY;
-    for_each_graph(baselines, graph, |chosen, gram| {
-        // Eigenvalues only for the few that may be better; a bound that is not a number may be.
-        if criterion.cost_bound(gram) >= best_cost * BOUND_SLACK {
-            return;
+    if graph == Graph::AllPairs {
+        return baselines.every();
+    }
+    // A good set at the start rules out many: the star at antenna 0, improved by edge swaps.
+    let star = (0..baselines.antennas - 1).collect();
+    let start = descend(baselines, graph, criterion, star);
+    branch_and_bound(baselines, graph, criterion, start, u64::MAX).0
+}
+
+/// The best set found from `best` on with at most `budget` branches, and whether that is all: then
+/// no set is better.
+pub(super) fn branch_and_bound(
+    baselines: &Baselines,
+    graph: Graph,
+    criterion: Criterion,
+    mut best: Vec<usize>,
+    budget: u64,
+) -> (Vec<usize>, bool) {
+    let mut best_cost = criterion.cost_of(&baselines.gram(&best));
+    let complete = Enumeration::run(baselines, graph, budget, |chosen, gram| {
+        // Eigenvalues only for the few that may be better.
+        if criterion.can_be_below(best_cost, gram) {
+            let cost = criterion.cost_of(gram);
+            if cost < best_cost {
+                best_cost = cost;
+                best = chosen.to_vec();
+            }
         }
-        let cost = criterion.cost_of(gram);
-        if cost < best_cost || best.is_empty() {
-            best_cost = cost;
-            best = chosen.to_vec();
-        }
+        criterion.least_trace(best_cost) * TRACE_SLACK
     });
-    best
+    (best, complete)
 }
 
 #[cfg(test)]

@@ -48,6 +48,12 @@ impl Gram {
         )
     }
 
+    /// tr R, the sum of the squared lengths (m²).
+    #[inline]
+    pub(super) fn trace(&self) -> f64 {
+        self.xx + self.yy + self.zz
+    }
+
     /// e₁ = tr R, e₂ = sum of the principal 2×2 minors, e₃ = det R.
     #[inline]
     pub(super) fn invariants(&self) -> Invariants {
@@ -55,7 +61,7 @@ impl Gram {
         let minor_y = self.xx * self.zz - self.xz * self.xz;
         let minor_z = self.xx * self.yy - self.xy * self.xy;
         Invariants {
-            e1: self.xx + self.yy + self.zz,
+            e1: self.trace(),
             e2: minor_x + minor_y + minor_z,
             e3: self.xx * minor_x
                 + self.xy * (self.xz * self.yz - self.xy * self.zz)
@@ -106,6 +112,16 @@ impl Add for Gram {
 }
 
 impl Invariants {
+    /// Invariants of the squared matrix (Graeffe's step).
+    #[inline]
+    pub(super) fn squared(&self) -> Self {
+        Self {
+            e1: self.e1 * self.e1 - 2.0 * self.e2,
+            e2: self.e2 * self.e2 - 2.0 * self.e1 * self.e3,
+            e3: self.e3 * self.e3,
+        }
+    }
+
     /// Invariants of the attitude information J = tr(R) I − R, whose eigenvalues are sums of two
     /// eigenvalues of R.
     #[inline]
@@ -182,6 +198,8 @@ mod tests {
             prop_assert!((e1 - (l1 + l2 + l3)).abs() < 1e-13 * (1.0 + e1));
             prop_assert!((e2 - (l1 * l2 + l1 * l3 + l2 * l3)).abs() < 1e-13 * (1.0 + e1 * e1));
             prop_assert!((e3 - l1 * l2 * l3).abs() < 1e-13 * (1.0 + e1 * e1 * e1));
+            let squared = gram.invariants().squared();
+            prop_assert!((squared.e1 - (l1 * l1 + l2 * l2 + l3 * l3)).abs() < 1e-12 * (1.0 + e1 * e1));
             let information = gram.invariants().of_information();
             let (s1, s2, s3) = (l1 + l2, l1 + l3, l2 + l3);
             prop_assert!((information.e1 - (s1 + s2 + s3)).abs() < 1e-12 * (1.0 + e1));

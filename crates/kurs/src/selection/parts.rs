@@ -7,18 +7,18 @@ use super::{Graph, MAX_ANTENNAS, Pair};
 pub(super) struct Parts {
     graph: Graph,
     /// One bit for each antenna of the array.
-    all: u32,
+    all: u16,
     /// Antennas that some chosen baseline touches, one bit each.
-    covered: u32,
+    covered: u16,
     /// For each antenna the bits of the antennas that it is connected with.
-    connected: [u32; MAX_ANTENNAS],
+    connected: [u16; MAX_ANTENNAS],
 }
 
 impl Parts {
     /// No baseline yet: each antenna is alone.
     pub(super) fn none(graph: Graph, antennas: usize) -> Self {
         let connected = core::array::from_fn(|antenna| 1 << antenna);
-        Self { graph, all: (1 << antennas) - 1, covered: 0, connected }
+        Self { graph, all: u16::MAX >> (MAX_ANTENNAS - antennas), covered: 0, connected }
     }
 
     /// Whether an admissible graph can have this baseline besides the chosen ones.

@@ -5,7 +5,9 @@
 //! algorithm, or to a graph without isolated antenna by an integer programme. The general rounding
 //! can fall into parts whose baselines are almost in a plane; [`round_with_guard`] prevents that.
 
-use super::relaxation::{Information, largest_smallest_eigenvalue, least_weighted_spread};
+use super::relaxation::{
+    Information, largest_smallest_eigenvalue, least_weighted_spread, separate,
+};
 use super::{Baselines, Criterion, Graph};
 
 /// How a share becomes the weight of a baseline; a small weight is taken first.
@@ -31,7 +33,10 @@ impl RoundingWeight {
 /// Problem 1: shares of the baselines that maximise λ_min(F).
 #[must_use]
 pub fn problem_1(baselines: &Baselines, graph: Graph) -> Vec<f64> {
-    largest_smallest_eigenvalue(baselines, graph, Information::Baselines).shares
+    separate(baselines, graph, |subsets| {
+        largest_smallest_eigenvalue(baselines, subsets, Information::Baselines)
+    })
+    .shares
 }
 
 /// Problem 2: shares of the baselines that minimise κ(F), by `steps` bisections of v from
@@ -43,14 +48,15 @@ pub fn problem_2(baselines: &Baselines, graph: Graph, steps: usize) -> Vec<f64> 
     let mut high = condition(baselines, &shares);
     for _ in 0..steps {
         let v = 0.5 * (low + high);
-        let (next, value) = least_weighted_spread(baselines, graph, v);
+        let next =
+            separate(baselines, graph, |subsets| least_weighted_spread(baselines, subsets, v));
         // min(λ_max − v λ_min) > 0: no shares have κ ≤ v
-        if value > 0.0 {
+        if next.bound > 0.0 {
             low = v;
         } else {
             high = v;
         }
-        shares = next;
+        shares = next.shares;
     }
     shares
 }
@@ -181,9 +187,8 @@ impl CoverSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::selection::relaxation::least_condition;
     use crate::selection::swap::tests::random_array;
-    use crate::selection::{best_by_enumeration, for_each_graph};
+    use crate::selection::{best_by_enumeration, for_each_graph, relax};
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -197,7 +202,7 @@ mod tests {
             for graph in [Graph::SpanningTree, Graph::General] {
                 let shares = problem_2(&baselines, graph, 30);
                 let bisected = condition(&baselines, &shares);
-                let at_once = least_condition(&baselines, graph, Information::Baselines);
+                let at_once = relax(&baselines, graph, Criterion::BaselineCondition);
                 assert!((bisected / at_once.bound - 1.0).abs() < 1e-5, "{antennas} {graph:?}");
                 let (first, second) =
                     (condition(&baselines, &problem_1(&baselines, graph)), bisected);

@@ -36,7 +36,7 @@ pub(crate) fn check(case: &Value, outcome: &mut Outcome) -> Result<(), String> {
     }
 
     // Σ (p − p̄)(p − p̄)ᵀ is the Gram matrix of all baselines over n.
-    let every: Vec<usize> = (0..baselines.pairs().len()).collect();
+    let every = baselines.every();
     let found = baselines.gram(&every).eigenvalues().map(|e| e / baselines.antennas() as f64);
     for (found, expected) in found.iter().zip(numbers(&expected["centred_R_eigs"])?) {
         outcome.compare("centred_R_eigs", (found - expected).abs(), TOLERANCE);
