@@ -60,8 +60,7 @@ impl AttitudeProblem {
             return Err(AttitudeError::NotSeparable);
         };
         // Bᵀ = N⁻¹ X,  M̂Bᵀ = X/κ − Bᵀ
-        let b_transposed =
-            normal.cholesky().ok_or(AttitudeError::Unobservable)?.solve(cross);
+        let b_transposed = normal.cholesky().ok_or(AttitudeError::Unobservable)?.solve(cross);
         let kappa = match scale {
             Scale::Printed => 1.0,
             Scale::Trace => normal.trace() / 3.0,

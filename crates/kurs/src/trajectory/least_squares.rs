@@ -6,6 +6,7 @@
 use nalgebra::Matrix3;
 
 use super::chi_square_tail;
+use super::closed_form::Roots;
 use super::minimal_set::MinimalSet;
 use super::problem::{Normal, Problem};
 use crate::frames::{Ecef, Vector};
@@ -21,6 +22,11 @@ const MAX_LEVENBERG_MARQUARDT: usize = 200;
 const MAX_DAMPING: f64 = 1e12;
 /// A cost less likely than this under the model makes [`solve`] look for another minimum.
 const SUSPICIOUS: f64 = 1e-6;
+/// A minimum whose cost is above the best by less than this is a rival.
+const RIVAL_COST: f64 = 16.0;
+/// A standard deviation of this many distances to a station comes from rounding errors: in truth
+/// the geometry leaves a direction open.
+const SENSELESS: f64 = 1e3;
 
 /// A position with its accuracy.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +43,9 @@ pub struct Estimate {
     pub iterations: usize,
     /// What found it.
     pub method: Method,
+    /// Another minimum, away from this one, whose cost is larger by less than 16 (four standard
+    /// deviations); known only where the search came across it.
+    pub rival_m: Option<Vector<Ecef>>,
 }
 
 /// What found a position.
@@ -76,11 +85,19 @@ impl Estimate {
     pub fn likelihood(&self) -> f64 {
         chi_square_tail(self.cost, self.degrees_of_freedom)
     }
+
+    /// Whether a position is the same minimum: within a thousandth of the standard deviation.
+    fn within_noise(&self, position_m: Vector<Ecef>) -> bool {
+        let allowed = 1e-3 * self.covariance_m2.trace().sqrt() + ROUNDING * position_m.norm();
+        (self.position_m - position_m).norm() <= allowed
+    }
 }
 
 /// The position that fits all measurements best.
 ///
-/// With a `prior_m`, the closed-form root nearest to it is taken; without, the one of least cost.
+/// With a `prior_m`, of two closed-form roots only the nearer to it is followed; without, both are,
+/// and the one of less cost is taken. A minimum that fits nearly as well is kept as
+/// [`Estimate::rival_m`]: then the measurements alone do not tell which is the object.
 ///
 /// # Errors
 ///
@@ -89,8 +106,11 @@ pub fn solve(problem: &Problem, prior_m: Option<Vector<Ecef>>) -> Result<Estimat
     enough(problem)?;
     let mut best: Option<Estimate> = None;
     for set in MinimalSet::find(problem) {
-        let Some(start) = start_from(&set, problem, prior_m) else { continue };
-        best = better(best, refine(problem, start).ok());
+        let Ok(roots) = set.roots(problem) else { continue };
+        best = match prior_m {
+            Some(prior) => better(best, refine(problem, nearest(&roots, prior)).ok()),
+            None => roots.iter().fold(best, |best, root| better(best, refine(problem, root).ok())),
+        };
         if best.is_some_and(|estimate| estimate.likelihood() >= SUSPICIOUS) {
             break;
         }
@@ -236,20 +256,10 @@ fn enough(problem: &Problem) -> Result<(), NotSolved> {
     if have < 3 { Err(NotSolved::TooFew { have }) } else { Ok(()) }
 }
 
-/// The root of a closed form to start from.
-fn start_from(
-    set: &MinimalSet,
-    problem: &Problem,
-    prior_m: Option<Vector<Ecef>>,
-) -> Option<Vector<Ecef>> {
-    let roots = set.roots(problem).ok()?;
-    let unlikeliness = |root: &Vector<Ecef>| match prior_m {
-        Some(prior) => (*root - prior).norm(),
-        None => problem.normal(*root).cost,
-    };
+fn nearest(roots: &Roots, prior_m: Vector<Ecef>) -> Vector<Ecef> {
     match roots.second_m {
-        None => Some(roots.first_m),
-        Some(_) => roots.iter().min_by(|a, b| unlikeliness(a).total_cmp(&unlikeliness(b))),
+        Some(other) if (other - prior_m).norm() < (roots.first_m - prior_m).norm() => other,
+        _ => roots.first_m,
     }
 }
 
@@ -258,11 +268,17 @@ fn worse(next: &Normal, now: &Normal) -> bool {
     next.cost.is_nan() || next.cost > now.cost + 1e-9 * (1.0 + now.cost)
 }
 
+/// The one of less cost; the other, if it is another point that fits nearly as well, as its rival.
 fn better(one: Option<Estimate>, other: Option<Estimate>) -> Option<Estimate> {
-    match (one, other) {
-        (Some(a), Some(b)) => Some(if b.cost < a.cost { b } else { a }),
-        (a, b) => a.or(b),
-    }
+    let (Some(a), Some(b)) = (one, other) else { return one.or(other) };
+    let (best, second) = if b.cost < a.cost { (b, a) } else { (a, b) };
+    let rival_m = [Some(second.position_m), best.rival_m, second.rival_m]
+        .into_iter()
+        .flatten()
+        .find(|_| second.cost - best.cost < RIVAL_COST)
+        .filter(|rival| !best.within_noise(*rival))
+        .or(best.rival_m);
+    Some(Estimate { rival_m, ..best })
 }
 
 fn estimate(
@@ -273,7 +289,21 @@ fn estimate(
     method: Method,
 ) -> Result<Estimate, NotSolved> {
     let covariance_m2 = normal.covariance().ok_or(NotSolved::Singular)?;
+    let station = &problem.stations()[problem.measurements()[0].station];
+    let distance_m = (position_m - station.position_m()).norm();
+    let sigma_m = covariance_m2.trace().sqrt();
+    if sigma_m.is_nan() || sigma_m >= SENSELESS * distance_m {
+        return Err(NotSolved::Singular);
+    }
     let cost = normal.cost;
     let degrees_of_freedom = problem.degrees_of_freedom();
-    Ok(Estimate { position_m, covariance_m2, cost, degrees_of_freedom, iterations, method })
+    Ok(Estimate {
+        position_m,
+        covariance_m2,
+        cost,
+        degrees_of_freedom,
+        iterations,
+        method,
+        rival_m: None,
+    })
 }

@@ -185,6 +185,15 @@ impl<'a> Problem<'a> {
         self.factor.as_ref()
     }
 
+    /// The same stations with other values; only the values may differ. Correlations are dropped:
+    /// closed forms do not use them.
+    pub(super) const fn with_values<'b>(&self, measurements: &'b [Measurement]) -> Problem<'b>
+    where
+        'a: 'b,
+    {
+        Problem { stations: self.stations, measurements, factor: None }
+    }
+
     /// The measurements without one of them.
     pub(super) fn without<'b>(&self, excluded: usize, rest: &'b mut Vec<Measurement>) -> Problem<'b>
     where
