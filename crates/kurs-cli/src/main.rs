@@ -5,6 +5,10 @@
 mod config_file;
 mod failure;
 mod output;
+mod progress;
+mod solve;
+mod table;
+mod tables;
 
 use std::process::ExitCode;
 
@@ -19,10 +23,14 @@ struct Cli {
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Command {}
+enum Command {
+    Solve(Box<solve::Args>),
+}
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result: anyhow::Result<ExitCode> = match cli.command {};
+    let result: anyhow::Result<ExitCode> = match cli.command {
+        Command::Solve(args) => solve::run(&args),
+    };
     failure::exit_code(result)
 }

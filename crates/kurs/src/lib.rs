@@ -22,11 +22,25 @@ pub mod observation;
 pub mod ephemeris;
 
 // The chain.
-pub mod selection;
+pub mod sky;
+
+pub mod atmosphere;
+
+pub mod point;
+
+pub mod difference;
+
+pub mod float_solution;
 
 pub mod attitude;
 
 pub mod ambiguity;
+
+pub mod baseline;
+
+pub mod selection;
+
+pub mod engine;
 
 // Beside the chain.
 pub mod fusion;

@@ -2,6 +2,11 @@
 
 use core::fmt;
 
+use nalgebra::Matrix3;
+
+use crate::frames::{Body, Ecef, Enu, Geodetic, Ned, Rotation, Vector};
+use crate::time::GpsTime;
+
 /// How far an epoch got; the words of the output column `status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
@@ -54,6 +59,119 @@ pub enum Reason {
     Slip,
     /// Observations that cannot be used.
     BadInput,
+}
+
+/// What one epoch yields: one row of the outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EpochSolution {
+    /// Time tag of the first antenna that has an epoch.
+    pub time: GpsTime,
+    /// How far the epoch got.
+    pub status: Status,
+    /// Why it is not fixed; `None` when it is.
+    pub reason: Option<Reason>,
+    /// Antennas with observations.
+    pub antennas: usize,
+    /// Most satellites that two antennas share above the mask.
+    pub shared_satellites: usize,
+    /// Satellites with a double-differenced carrier phase.
+    pub satellites: usize,
+    /// Integer ambiguities.
+    pub ambiguities: usize,
+    /// Orientation of the body.
+    pub attitude: Option<AttitudeEstimate>,
+    /// Predicted probability that the integers are right (bootstrapping).
+    pub success_rate: Option<f64>,
+    /// Second-best over best squared distance, ≥ 1.
+    pub ratio: Option<f64>,
+    /// Root mean square of the double-difference phase residuals, m.
+    pub residual_rms_m: Option<f64>,
+    /// Body origin, or the first antenna while the attitude is unknown.
+    pub position: Option<PositionEstimate>,
+    /// From the first antenna to each other one, in the order of the configuration.
+    pub baselines: Vec<BaselineEstimate>,
+    /// Further points of the body, in the order of the configuration.
+    pub points: Vec<PointEstimate>,
+}
+
+/// Orientation; two antennas or a collinear array leave angles unknown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttitudeEstimate {
+    /// Clockwise from true north, `0 ≤ heading_rad < 2π`.
+    pub heading_rad: Option<f64>,
+    /// Nose up positive.
+    pub pitch_rad: Option<f64>,
+    /// Right side down positive.
+    pub roll_rad: Option<f64>,
+    /// Covariance of heading, pitch, roll (in this order), rad²; rows of unknown angles mean
+    /// nothing.
+    pub covariance_rad2: Matrix3<f64>,
+    /// The full rotation, where all three angles are known.
+    pub ned_from_body: Option<Rotation<Ned, Body>>,
+}
+
+/// Where a point is, and how it moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionEstimate {
+    /// Geodetic coordinates.
+    pub geodetic: Geodetic,
+    /// The same point in ECEF, m.
+    pub position_m: Vector<Ecef>,
+    /// Covariance in local level axes (north, east, down), m².
+    pub covariance_m2: Matrix3<f64>,
+    /// Velocity, m/s, where there is Doppler.
+    pub velocity_mps: Option<Vector<Ned>>,
+    /// Clock of the first antenna's receiver times c, m.
+    pub clock_m: f64,
+}
+
+/// A baseline in local level axes at the first antenna.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaselineEstimate {
+    /// Index of the antenna where it starts.
+    pub base: usize,
+    /// Index of the antenna where it ends.
+    pub rover: usize,
+    /// Fixed, float or refused.
+    pub status: Status,
+    /// East, north, up, m.
+    pub baseline_m: Vector<Enu>,
+    /// Covariance of that, m².
+    pub covariance_m2: Matrix3<f64>,
+}
+
+/// A point of the body in the outside frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointEstimate {
+    /// Index in the configuration.
+    pub index: usize,
+    /// Geodetic coordinates.
+    pub geodetic: Geodetic,
+    /// Covariance in local level axes (north, east, down), m².
+    pub covariance_m2: Matrix3<f64>,
+}
+
+impl EpochSolution {
+    /// A row without a solution.
+    #[must_use]
+    pub const fn lost(time: GpsTime, reason: Reason) -> Self {
+        Self {
+            time,
+            status: Status::Lost,
+            reason: Some(reason),
+            antennas: 0,
+            shared_satellites: 0,
+            satellites: 0,
+            ambiguities: 0,
+            attitude: None,
+            success_rate: None,
+            ratio: None,
+            residual_rms_m: None,
+            position: None,
+            baselines: Vec::new(),
+            points: Vec::new(),
+        }
+    }
 }
 
 impl Status {

@@ -1,0 +1,466 @@
+//! Configuration of `kurs solve`: file, flags and `--set` become one table, read strictly, and the
+//! table remembers where each value came from.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use kurs::array::AntennaArray;
+use kurs::engine::{Constraint, Settings};
+use kurs::frames::Vector;
+use kurs::signal::Band;
+use kurs::sky::NoiseModel;
+use serde::Deserialize;
+
+use crate::config_file;
+use crate::failure::UsageError;
+
+/// The configuration as written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Config {
+    #[serde(default)]
+    pub(crate) antenna: Vec<AntennaTable>,
+    #[serde(default)]
+    pub(crate) nav: NavTable,
+    #[serde(default)]
+    pub(crate) solve: SolveTable,
+    #[serde(default)]
+    pub(crate) point: Vec<PointTable>,
+}
+
+/// One antenna.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AntennaTable {
+    pub(crate) name: String,
+    pub(crate) obs: Vec<PathBuf>,
+    pub(crate) position_m: Option<[f64; 3]>,
+}
+
+/// Navigation files.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct NavTable {
+    #[serde(default)]
+    pub(crate) files: Vec<PathBuf>,
+}
+
+/// A further point of the body.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PointTable {
+    pub(crate) name: String,
+    pub(crate) position_m: [f64; 3],
+}
+
+/// The method's settings; every key has a default.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct SolveTable {
+    pub(crate) bands: Option<Vec<String>>,
+    pub(crate) elevation_mask_deg: f64,
+    pub(crate) ambiguity: AmbiguityKey,
+    pub(crate) constraint: Option<ConstraintKey>,
+    pub(crate) array_sd_m: f64,
+    pub(crate) max_wrong_fix_rate: f64,
+    pub(crate) max_tilt_deg: f64,
+    pub(crate) code_sd_m: f64,
+    pub(crate) phase_sd_m: f64,
+}
+
+/// How ambiguities are carried from epoch to epoch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum AmbiguityKey {
+    Instantaneous,
+    Continuous,
+}
+
+/// What is known of the array in the integer search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ConstraintKey {
+    Array,
+    Length,
+    None,
+}
+
+impl Default for SolveTable {
+    fn default() -> Self {
+        Self {
+            bands: None,
+            elevation_mask_deg: 10.0,
+            ambiguity: AmbiguityKey::Instantaneous,
+            constraint: None,
+            array_sd_m: 0.002,
+            max_wrong_fix_rate: 0.001,
+            max_tilt_deg: 90.0,
+            code_sd_m: 0.2,
+            phase_sd_m: 0.0015,
+        }
+    }
+}
+
+/// A configuration in force, with the origin of every key.
+#[derive(Debug, Clone)]
+pub(crate) struct Loaded {
+    pub(crate) config: Config,
+    /// Folder that relative paths start from.
+    folder: PathBuf,
+    origins: BTreeMap<String, String>,
+    text: String,
+}
+
+/// What the command line adds to or puts in place of a file.
+#[derive(Debug, Default)]
+pub(crate) struct Overrides<'a> {
+    /// `NAME=OBS[@X,Y,Z]`
+    pub(crate) antennas: &'a [String],
+    /// Navigation files.
+    pub(crate) nav: &'a [PathBuf],
+    /// `key=value`
+    pub(crate) set: &'a [String],
+}
+
+/// Reads the configuration file (if any), applies flags and `--set`.
+pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loaded, UsageError> {
+    let mut table = toml::Table::new();
+    let mut origins = BTreeMap::new();
+    let mut folder = PathBuf::new();
+    if let Some(path) = file {
+        // Read once into the typed form, for messages with line numbers.
+        let _: Config = config_file::read(path)?;
+        table = config_file::read(path)?;
+        folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        note_origins(&table, &path.display().to_string(), &mut origins);
+    }
+    if !overrides.antennas.is_empty() {
+        let antennas: Result<Vec<_>, _> =
+            overrides.antennas.iter().map(|a| antenna_flag(a)).collect();
+        table.insert("antenna".into(), toml::Value::Array(antennas?));
+        origins.insert("antenna".into(), "--antenna".into());
+    }
+    if !overrides.nav.is_empty() {
+        let files = overrides.nav.iter().map(|path| absolute(path)).collect();
+        let nav = toml::Table::from_iter([("files".to_owned(), toml::Value::Array(files))]);
+        table.insert("nav".into(), toml::Value::Table(nav));
+        origins.insert("nav.files".into(), "--nav".into());
+    }
+    for assignment in overrides.set {
+        set(&mut table, assignment, &mut origins)?;
+    }
+    let text = toml::to_string(&table).map_err(|error| UsageError(error.to_string()))?;
+    let config: Config = config_file::parse(&text, "configuration").map_err(|error| {
+        UsageError(error.0.split_once(": ").map_or(error.0.clone(), |(_, m)| m.to_owned()))
+    })?;
+    let loaded = Loaded { config, folder, origins, text };
+    loaded.check()?;
+    Ok(loaded)
+}
+
+fn absolute(path: &Path) -> toml::Value {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    toml::Value::String(absolute.display().to_string())
+}
+
+fn note_origins(table: &toml::Table, origin: &str, origins: &mut BTreeMap<String, String>) {
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(inner) => {
+                for inner_key in inner.keys() {
+                    origins.insert(format!("{key}.{inner_key}"), origin.to_owned());
+                }
+            }
+            _ => {
+                origins.insert(key.clone(), origin.to_owned());
+            }
+        }
+    }
+}
+
+/// `NAME=OBS[@X,Y,Z]`
+fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
+    let expected = || UsageError(format!("--antenna {flag}: expected NAME=OBS or NAME=OBS@X,Y,Z"));
+    let (name, rest) = flag
+        .split_once('=')
+        .filter(|(n, r)| !n.is_empty() && !r.is_empty())
+        .ok_or_else(expected)?;
+    let (obs, position) = match rest.rsplit_once('@') {
+        Some((obs, coordinates)) => {
+            let numbers: Result<Vec<f64>, _> =
+                coordinates.split(',').map(|c| c.trim().parse()).collect();
+            match numbers {
+                Ok(xyz) if xyz.len() == 3 => (obs, Some(xyz)),
+                // An @ in a file name is no position.
+                _ if Path::new(rest).exists() => (rest, None),
+                _ => return Err(expected()),
+            }
+        }
+        None => (rest, None),
+    };
+    let mut table = toml::Table::new();
+    table.insert("name".into(), name.into());
+    table.insert("obs".into(), toml::Value::Array(vec![absolute(Path::new(obs))]));
+    if let Some(xyz) = position {
+        table.insert(
+            "position_m".into(),
+            toml::Value::Array(xyz.into_iter().map(Into::into).collect()),
+        );
+    }
+    Ok(toml::Value::Table(table))
+}
+
+/// `key=value` of `[solve]`, or `table.key=value`.
+fn set(
+    table: &mut toml::Table,
+    assignment: &str,
+    origins: &mut BTreeMap<String, String>,
+) -> Result<(), UsageError> {
+    let (key, value) = assignment
+        .split_once('=')
+        .ok_or_else(|| UsageError(format!("--set {assignment}: expected key=value")))?;
+    let (section, key) = key.trim().split_once('.').unwrap_or(("solve", key.trim()));
+    let parsed = parse_value(value.trim());
+    let entry = table.entry(section).or_insert_with(|| toml::Table::new().into());
+    let toml::Value::Table(inner) = entry else {
+        return Err(UsageError(format!(
+            "--set {assignment}: `{section}` is not a table with keys"
+        )));
+    };
+    inner.insert(key.to_owned(), parsed);
+    origins.insert(format!("{section}.{key}"), "--set".into());
+    Ok(())
+}
+
+/// A value as TOML reads it; bare words and comma lists of them need no quotes on a command line.
+fn parse_value(text: &str) -> toml::Value {
+    if let Ok(mut parsed) = format!("v = {text}").parse::<toml::Table>()
+        && let Some(value) = parsed.remove("v")
+    {
+        return value;
+    }
+    let inside = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
+    match inside {
+        Some(list) => {
+            let words = list.split(',').map(str::trim).filter(|word| !word.is_empty());
+            toml::Value::Array(
+                words.map(|word| toml::Value::String(word.trim_matches('"').to_owned())).collect(),
+            )
+        }
+        None => toml::Value::String(text.to_owned()),
+    }
+}
+
+impl Loaded {
+    /// A path of the configuration, relative to its file's folder.
+    pub(crate) fn path(&self, path: &Path) -> PathBuf {
+        self.folder.join(path)
+    }
+
+    /// The text that stands for this configuration in its hash.
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    fn check(&self) -> Result<(), UsageError> {
+        let Config { antenna, nav, solve, point } = &self.config;
+        if antenna.len() < 2 {
+            return Err(UsageError(format!(
+                "{} `[[antenna]]` in the configuration, at least two are needed for an attitude",
+                antenna.len()
+            )));
+        }
+        let names: Vec<&str> = antenna
+            .iter()
+            .map(|a| a.name.as_str())
+            .chain(point.iter().map(|p| p.name.as_str()))
+            .collect();
+        for (index, name) in names.iter().enumerate() {
+            if name.is_empty() || names[..index].contains(name) {
+                return Err(UsageError(format!(
+                    "name `{name}` of antenna or point is empty or used twice"
+                )));
+            }
+        }
+        if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
+            return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
+        }
+        if nav.files.is_empty() {
+            return Err(UsageError("no navigation file: give `[nav] files` or --nav FILE".into()));
+        }
+        let positions = antenna.iter().filter(|a| a.position_m.is_some()).count();
+        if positions != 0 && positions != antenna.len() {
+            let without: Vec<_> = antenna
+                .iter()
+                .filter(|a| a.position_m.is_none())
+                .map(|a| a.name.as_str())
+                .collect();
+            return Err(UsageError(format!(
+                "`position_m` is missing for {}: give it for every antenna or for none",
+                without.join(", ")
+            )));
+        }
+        if solve.ambiguity == AmbiguityKey::Continuous {
+            return Err(UsageError(
+                "ambiguity = \"continuous\" is not available in this version; use \"instantaneous\"".into(),
+            ));
+        }
+        if solve.constraint == Some(ConstraintKey::Array) && antenna.len() > 2 {
+            return Err(UsageError(
+                "constraint = \"array\" for three and more antennas is not available in this version; \
+                 use \"length\" or \"none\"".into(),
+            ));
+        }
+        if point.is_empty() || positions > 0 {
+            Ok(())
+        } else {
+            Err(UsageError("`[[point]]` needs the `position_m` of every antenna".into()))
+        }
+    }
+
+    /// The constraint in force. Two antennas with positions: their length; more: none (the joint
+    /// search of an array is not there yet).
+    fn constraint(&self) -> Constraint {
+        let antennas = &self.config.antenna;
+        match self.config.solve.constraint {
+            Some(ConstraintKey::None) => Constraint::None,
+            Some(ConstraintKey::Length | ConstraintKey::Array) => Constraint::Length,
+            None if antennas.len() == 2 && antennas[0].position_m.is_some() => Constraint::Length,
+            None => Constraint::None,
+        }
+    }
+
+    /// Settings of the engine.
+    pub(crate) fn settings(&self) -> Result<Settings, UsageError> {
+        let Config { antenna, solve, point, .. } = &self.config;
+        let positions: Option<Vec<_>> =
+            antenna.iter().map(|a| a.position_m.map(|[x, y, z]| Vector::new(x, y, z))).collect();
+        let array = positions
+            .map(AntennaArray::new)
+            .transpose()
+            .map_err(|error| UsageError(self.with_names(&error)))?;
+        let bands = solve.bands.as_ref().map(|bands| self.bands(bands)).transpose()?;
+        for (key, value) in [("code_sd_m", solve.code_sd_m), ("phase_sd_m", solve.phase_sd_m)] {
+            if !(1e-6..=100.0).contains(&value) {
+                return Err(UsageError(format!("{key} is {value}, expected 1e-6 to 100 m")));
+            }
+        }
+        let settings = Settings {
+            antennas: antenna.len(),
+            array,
+            points_m: point
+                .iter()
+                .map(|p| p.position_m)
+                .map(|[x, y, z]| Vector::new(x, y, z))
+                .collect(),
+            bands,
+            elevation_mask_rad: solve.elevation_mask_deg.to_radians(),
+            constraint: self.constraint(),
+            array_sd_m: solve.array_sd_m,
+            max_wrong_fix_rate: solve.max_wrong_fix_rate,
+            max_tilt_rad: solve.max_tilt_deg.to_radians(),
+            noise: NoiseModel {
+                code_zenith_m: solve.code_sd_m,
+                phase_zenith_m: solve.phase_sd_m,
+                full_cn0_dbhz: 45.0,
+            },
+        };
+        settings.check().map_err(|error| UsageError(error.to_string()))?;
+        Ok(settings)
+    }
+
+    fn bands(&self, names: &[String]) -> Result<Vec<Band>, UsageError> {
+        if names.is_empty() {
+            return Err(UsageError(
+                "`bands` is empty; leave it out to use every shared band".into(),
+            ));
+        }
+        names
+            .iter()
+            .map(|name| name.parse().map_err(|error| UsageError(format!("bands: {error}"))))
+            .collect()
+    }
+
+    /// An array error with the antennas' names in place of their numbers.
+    fn with_names(&self, error: &kurs::array::ArrayError) -> String {
+        use kurs::array::ArrayError;
+        let name = |index: usize| &self.config.antenna[index].name;
+        match error {
+            ArrayError::Coincident { first, second, distance_m } => format!(
+                "antennas `{}` and `{}` are {distance_m:.4} m apart: two antennas cannot be at one place",
+                name(*first),
+                name(*second)
+            ),
+            ArrayError::NotFinite { antenna } => {
+                format!("`position_m` of antenna `{}` is not a finite number", name(*antenna))
+            }
+            ArrayError::TooFew { .. } => error.to_string(),
+        }
+    }
+
+    /// Every key in force and where its value comes from.
+    pub(crate) fn explain(&self) -> String {
+        let solve = &self.config.solve;
+        let constraint = match self.constraint() {
+            Constraint::None => "\"none\"",
+            Constraint::Length => "\"length\"",
+        };
+        let bands = solve
+            .bands
+            .as_ref()
+            .map_or("every band that two antennas share".into(), |b| format!("{b:?}"));
+        let keys = [
+            ("solve.bands", bands),
+            ("solve.elevation_mask_deg", solve.elevation_mask_deg.to_string()),
+            ("solve.ambiguity", "\"instantaneous\"".into()),
+            ("solve.constraint", constraint.into()),
+            ("solve.array_sd_m", solve.array_sd_m.to_string()),
+            ("solve.max_wrong_fix_rate", solve.max_wrong_fix_rate.to_string()),
+            ("solve.max_tilt_deg", solve.max_tilt_deg.to_string()),
+            (
+                "solve.code_sd_m",
+                format!("{}  (zenith; / sin(elevation), 45 dB-Hz)", solve.code_sd_m),
+            ),
+            (
+                "solve.phase_sd_m",
+                format!("{}  (zenith; / sin(elevation), 45 dB-Hz)", solve.phase_sd_m),
+            ),
+        ];
+        let mut text = String::new();
+        let origin = |key: &str| self.origins.get(key).map_or("default", String::as_str);
+        for antenna in &self.config.antenna {
+            let position = antenna.position_m.map_or(String::new(), |p| format!(" at {p:?} m"));
+            let files: Vec<_> =
+                antenna.obs.iter().map(|p| self.path(p).display().to_string()).collect();
+            let _ = writeln!(
+                text,
+                "antenna {} = {}{position}  [{}]",
+                antenna.name,
+                files.join(", "),
+                origin("antenna")
+            );
+        }
+        for file in &self.config.nav.files {
+            let _ = writeln!(
+                text,
+                "nav.files = {}  [{}]",
+                self.path(file).display(),
+                origin("nav.files")
+            );
+        }
+        for (key, value) in keys {
+            let _ = writeln!(text, "{key} = {value}  [{}]", origin(key));
+        }
+        for point in &self.config.point {
+            let _ = writeln!(
+                text,
+                "point {} at {:?} m  [{}]",
+                point.name,
+                point.position_m,
+                origin("point")
+            );
+        }
+        text
+    }
+}

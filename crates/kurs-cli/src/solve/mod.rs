@@ -1,0 +1,227 @@
+//! `kurs solve`: observation and navigation files in, attitude out.
+
+mod config;
+mod nmea;
+mod streams;
+mod summary;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::bail;
+use kurs::engine::Engine;
+use kurs::ephemeris::NavigationData;
+use kurs::observation::ArrayEpoch;
+use kurs::solution::{EpochSolution, Reason, Status};
+use kurs_formats::source::Source;
+
+use crate::failure::UsageError;
+use crate::output::OutputFile;
+use crate::progress::Progress;
+use crate::table::TableFormat;
+use crate::tables::Tables;
+use config::{Loaded, Overrides};
+use nmea::NmeaLog;
+use streams::Streams;
+use summary::{Damage, Summary};
+
+/// Attitude, baselines and position from observation and navigation files.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Configuration file (TOML); not needed with --antenna and --nav.
+    config: Option<PathBuf>,
+    /// An antenna: its name, observation file, and place on the body (m: forward, right, down).
+    #[arg(long, value_name = "NAME=OBS[@X,Y,Z]")]
+    antenna: Vec<String>,
+    /// Navigation files.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    nav: Vec<PathBuf>,
+    /// Sets a key of [solve], or table.key.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder for the outputs.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    out: PathBuf,
+    /// Output formats.
+    #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
+    format: Vec<Format>,
+    /// Prints every key in force and where its value comes from, and stops.
+    #[arg(long)]
+    explain: bool,
+    /// No progress and no closing summary.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// What is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// attitude.csv, baselines.csv, points.csv
+    Csv,
+    /// The same rows as JSON lines.
+    Jsonl,
+    /// attitude.nmea: HDT, THS, PASHR, GGA.
+    Nmea,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if args.config.is_none() && args.antenna.is_empty() {
+        let expected = "give a configuration file, or --antenna NAME=OBS twice and --nav FILE";
+        return Err(UsageError(expected.into()).into());
+    }
+    let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
+    let loaded = config::load(args.config.as_deref(), &overrides)?;
+    let settings = loaded.settings()?;
+    if args.explain {
+        print!("{}", loaded.explain());
+        return Ok(ExitCode::SUCCESS);
+    }
+
+    let (navigation, mut damage) = read_navigation(&loaded)?;
+    let mut streams = Streams::open(observation_files(&loaded))?;
+    let mut engine = Engine::new(settings, navigation).map_err(|e| UsageError(e.to_string()))?;
+    let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
+    let names = antenna_names(&loaded);
+    let capable = streams.antennas_with_epochs() >= 2;
+
+    let mut summary = Summary::default();
+    let mut progress = Progress::start(args.quiet);
+    let mut epoch = ArrayEpoch::default();
+    while streams.next(&mut epoch)? {
+        let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
+        summary.add(&row, &names);
+        outputs.write(&row)?;
+        progress.epoch(row.status == Status::Fixed);
+    }
+    let wall_s = progress.finish();
+
+    if summary.epochs() == 0 {
+        bail!("no epoch in any observation file ({})", streams.spans());
+    }
+    damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    let file = summary.file(loaded.text(), &damage, wall_s);
+    let mut json = OutputFile::create(&args.out, "summary.json")?;
+    serde_json::to_writer_pretty(&mut json, &file)?;
+    json.finish()?;
+    outputs.finish()?;
+
+    if !args.quiet {
+        print!("{}", closing(&summary, &damage, &args.out));
+    }
+    if summary.has_solution() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    bail!("{}", why_nothing(&summary, &streams, capable));
+}
+
+/// Navigation data of all files; what was damaged in them.
+fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damage>)> {
+    let mut navigation = NavigationData::default();
+    let mut damage = Vec::new();
+    for file in &loaded.config.nav.files {
+        let path = loaded.path(file);
+        let mut source = Source::open(&path)?;
+        let summary = kurs_formats::navigation::read(&mut source, &mut navigation)?;
+        let entries = summary.damage.listed().iter();
+        damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
+    }
+    if navigation.ephemerides.is_empty() {
+        bail!("no usable ephemeris in the navigation files");
+    }
+    Ok((navigation, damage))
+}
+
+fn observation_files(loaded: &Loaded) -> Vec<(String, Vec<PathBuf>)> {
+    let antennas = loaded.config.antenna.iter();
+    antennas
+        .map(|a| (a.name.clone(), a.obs.iter().map(|path| loaded.path(path)).collect()))
+        .collect()
+}
+
+fn antenna_names(loaded: &Loaded) -> Vec<String> {
+    loaded.config.antenna.iter().map(|a| a.name.clone()).collect()
+}
+
+/// The row of an epoch of which no attitude can ever come: only one antenna has any observations.
+fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
+    let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
+    row.status = Status::NotCapable;
+    row.antennas = epoch.antennas.iter().flatten().count();
+    row
+}
+
+/// Everything that is written row by row.
+struct Outputs {
+    tables: Vec<Tables>,
+    nmea: Option<NmeaLog>,
+}
+
+impl Outputs {
+    fn create(directory: &Path, formats: &[Format], loaded: &Loaded) -> anyhow::Result<Self> {
+        let points: Vec<String> = loaded.config.point.iter().map(|p| p.name.clone()).collect();
+        let mut tables = Vec::new();
+        for (wanted, format) in
+            [(Format::Csv, TableFormat::Csv), (Format::Jsonl, TableFormat::Jsonl)]
+        {
+            if formats.contains(&wanted) {
+                tables.push(Tables::create(
+                    directory,
+                    format,
+                    antenna_names(loaded),
+                    points.clone(),
+                )?);
+            }
+        }
+        let nmea =
+            formats.contains(&Format::Nmea).then(|| NmeaLog::create(directory)).transpose()?;
+        Ok(Self { tables, nmea })
+    }
+
+    fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        for tables in &mut self.tables {
+            tables.write(row)?;
+        }
+        self.nmea.as_mut().map_or(Ok(()), |nmea| nmea.write(row))
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        for tables in self.tables {
+            tables.finish()?;
+        }
+        self.nmea.map_or(Ok(()), NmeaLog::finish)
+    }
+}
+
+/// What stands on the terminal at the end.
+fn closing(summary: &Summary, damage: &[Damage], out: &Path) -> String {
+    let mut text = summary.text();
+    if let Some(first) = damage.first() {
+        text += &format!(
+            "\n{} damaged places, first: {}:{}: {}",
+            damage.len(),
+            first.file,
+            first.line,
+            first.what
+        );
+    }
+    text + &format!("\nwritten to {}\n", out.display())
+}
+
+/// Why not a single row has a solution.
+fn why_nothing(summary: &Summary, streams: &Streams, capable: bool) -> String {
+    if !capable {
+        return format!("only one antenna has observations: {}", streams.spans());
+    }
+    match summary.main_reason() {
+        Some("few_antennas") => {
+            format!("no epoch has two antennas, the files do not overlap: {}", streams.spans())
+        }
+        Some("no_ephemeris") => format!(
+            "no ephemeris for the satellites in view: are the navigation data of the same day? {}",
+            streams.spans()
+        ),
+        Some(word) => format!("every epoch is lost, mostly because of `{word}`"),
+        None => "every epoch is lost".into(),
+    }
+}

@@ -1,0 +1,102 @@
+//! The observation files of all antennas, matched in time: one array epoch for every epoch that
+//! any antenna has.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use kurs::observation::{AntennaEpoch, ArrayEpoch};
+use kurs::time::GpsTime;
+use kurs_formats::session::{FileDamage, SessionReader};
+
+/// Interval that is assumed while no antenna has shown two epochs, s.
+const UNKNOWN_INTERVAL_S: f64 = 1.0;
+
+/// One antenna's epochs, read one ahead.
+struct Stream {
+    name: String,
+    reader: SessionReader,
+    next: AntennaEpoch,
+    has_next: bool,
+    /// First and last epoch so far.
+    span: Option<(GpsTime, GpsTime)>,
+}
+
+/// All antennas' epochs in time order.
+pub(crate) struct Streams {
+    streams: Vec<Stream>,
+    /// Shortest time between two epochs of one antenna so far, s.
+    interval_s: f64,
+}
+
+impl Streams {
+    /// Opens the files of every antenna (name, files in time order) and reads its first epoch.
+    pub(crate) fn open(antennas: Vec<(String, Vec<PathBuf>)>) -> anyhow::Result<Self> {
+        let open = |(name, files): (String, Vec<PathBuf>)| {
+            let context = || format!("antenna {name}");
+            let reader = SessionReader::open(&files).with_context(context)?;
+            let next = AntennaEpoch::default();
+            let mut stream = Stream { name, reader, next, has_next: false, span: None };
+            stream.advance()?;
+            Ok(stream)
+        };
+        let streams = antennas.into_iter().map(open).collect::<anyhow::Result<_>>()?;
+        Ok(Self { streams, interval_s: f64::INFINITY })
+    }
+
+    /// Number of antennas that have any epoch at all.
+    pub(crate) fn antennas_with_epochs(&self) -> usize {
+        self.streams.iter().filter(|s| s.span.is_some()).count()
+    }
+
+    /// Fills `epoch` with the next instant: the earliest waiting epoch and those of other antennas
+    /// less than half an interval after it. `false` at the end of all files.
+    pub(crate) fn next(&mut self, epoch: &mut ArrayEpoch) -> anyhow::Result<bool> {
+        let waiting = self.streams.iter().filter(|s| s.has_next);
+        let Some(earliest) = waiting.map(|s| s.next.time).min() else { return Ok(false) };
+        let interval_s =
+            if self.interval_s.is_finite() { self.interval_s } else { UNKNOWN_INTERVAL_S };
+        epoch.antennas.resize_with(self.streams.len(), || None);
+        let mut first = None;
+        for (stream, slot) in self.streams.iter_mut().zip(&mut epoch.antennas) {
+            if !stream.has_next || stream.next.time - earliest >= 0.5 * interval_s {
+                *slot = None;
+                continue;
+            }
+            first.get_or_insert(stream.next.time);
+            // The buffer of the epoch before comes back to be filled again.
+            std::mem::swap(slot.get_or_insert_default(), &mut stream.next);
+            self.interval_s = self.interval_s.min(stream.advance()?);
+        }
+        epoch.time = first.unwrap_or(earliest);
+        Ok(true)
+    }
+
+    /// Everything that was damaged so far.
+    pub(crate) fn damage(&self) -> Vec<FileDamage> {
+        self.streams.iter().flat_map(|s| s.reader.damage()).collect()
+    }
+
+    /// Time span of each antenna in words, for the message that they do not overlap.
+    pub(crate) fn spans(&self) -> String {
+        let words = self.streams.iter().map(|s| match s.span {
+            Some((first, last)) => format!("{} from {first} to {last}", s.name),
+            None => format!("{} has no epoch", s.name),
+        });
+        words.collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Stream {
+    /// Reads the next epoch; returns the time since the one before, s (infinite at either end).
+    fn advance(&mut self) -> anyhow::Result<f64> {
+        let context = || format!("antenna {}", self.name);
+        self.has_next = self.reader.next_epoch(&mut self.next).with_context(context)?;
+        if !self.has_next {
+            return Ok(f64::INFINITY);
+        }
+        let time = self.next.time;
+        let before = self.span.map(|(_, last)| last);
+        self.span = Some((self.span.map_or(time, |(first, _)| first), time));
+        Ok(before.map_or(f64::INFINITY, |before| time - before))
+    }
+}

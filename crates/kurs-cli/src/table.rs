@@ -1,0 +1,151 @@
+//! One output table, as CSV or JSON lines, written field by field into a file that is never half
+//! there.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use crate::output::OutputFile;
+
+/// How rows are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum TableFormat {
+    /// Comma-separated values with one header line, empty field for "not available".
+    Csv,
+    /// One JSON object a line, `null` for "not available".
+    Jsonl,
+}
+
+/// A table in the making. The fields of a row come in the order of its columns.
+#[derive(Debug)]
+pub(crate) struct Table {
+    file: OutputFile,
+    format: TableFormat,
+    columns: &'static [&'static str],
+    row: String,
+    field: usize,
+}
+
+impl Table {
+    /// Starts `directory/stem.csv` or `.jsonl`.
+    pub(crate) fn create(
+        directory: &Path,
+        stem: &str,
+        format: TableFormat,
+        columns: &'static [&'static str],
+    ) -> anyhow::Result<Self> {
+        let extension = match format {
+            TableFormat::Csv => "csv",
+            TableFormat::Jsonl => "jsonl",
+        };
+        let mut file = OutputFile::create(directory, &format!("{stem}.{extension}"))?;
+        if format == TableFormat::Csv {
+            writeln!(file, "{}", columns.join(","))?;
+        }
+        Ok(Self { file, format, columns, row: String::new(), field: 0 })
+    }
+
+    /// A number with this many decimals; nothing for one that is missing or not finite.
+    pub(crate) fn real(&mut self, value: Option<f64>, decimals: usize) {
+        match value.filter(|v| v.is_finite()) {
+            Some(value) => {
+                self.start_field();
+                let _ = write!(self.row, "{value:.decimals$}");
+            }
+            None => self.nothing(),
+        }
+    }
+
+    /// A whole number.
+    pub(crate) fn integer(&mut self, value: i64) {
+        self.start_field();
+        let _ = write!(self.row, "{value}");
+    }
+
+    /// A text; nothing for an empty one.
+    pub(crate) fn text(&mut self, value: &str) {
+        if value.is_empty() {
+            return self.nothing();
+        }
+        self.start_field();
+        match self.format {
+            TableFormat::Csv if !value.contains([',', '"', '\n', '\r']) => self.row.push_str(value),
+            TableFormat::Csv => {
+                let _ = write!(self.row, "\"{}\"", value.replace('"', "\"\""));
+            }
+            TableFormat::Jsonl => {
+                let _ = write!(self.row, "{}", serde_json::Value::from(value));
+            }
+        }
+    }
+
+    /// A field that is not available.
+    fn nothing(&mut self) {
+        self.start_field();
+        if self.format == TableFormat::Jsonl {
+            self.row.push_str("null");
+        }
+    }
+
+    /// Separator, and for JSON the column's name.
+    fn start_field(&mut self) {
+        if self.field > 0 {
+            self.row.push(',');
+        }
+        if self.format == TableFormat::Jsonl {
+            let _ = write!(self.row, "\"{}\":", self.columns[self.field]);
+        }
+        self.field += 1;
+    }
+
+    /// Writes the row, which must have a field for every column.
+    pub(crate) fn end_row(&mut self) -> anyhow::Result<()> {
+        assert_eq!(self.field, self.columns.len(), "a row has a field for every column");
+        match self.format {
+            TableFormat::Csv => writeln!(self.file, "{}", self.row)?,
+            TableFormat::Jsonl => writeln!(self.file, "{{{}}}", self.row)?,
+        }
+        self.row.clear();
+        self.field = 0;
+        Ok(())
+    }
+
+    /// Gives the file its name.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.file.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(format: TableFormat) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let mut table = Table::create(folder.path(), "t", format, &["a", "b", "c"]).unwrap();
+        table.text("x, \"y\"");
+        table.real(Some(1.25), 3);
+        table.integer(-7);
+        table.end_row().unwrap();
+        table.text("");
+        table.real(Some(f64::NAN), 3);
+        table.real(None, 1);
+        table.end_row().unwrap();
+        table.finish().unwrap();
+        let file = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap();
+        std::fs::read_to_string(file.path()).unwrap()
+    }
+
+    #[test]
+    fn csv() {
+        assert_eq!(written(TableFormat::Csv), "a,b,c\n\"x, \"\"y\"\"\",1.250,-7\n,,\n");
+    }
+
+    #[test]
+    fn json_lines() {
+        assert_eq!(
+            written(TableFormat::Jsonl),
+            "{\"a\":\"x, \\\"y\\\"\",\"b\":1.250,\"c\":-7}\n{\"a\":null,\"b\":null,\"c\":null}\n"
+        );
+    }
+}

@@ -1,0 +1,225 @@
+//! The tables `attitude`, `baselines` and `points`: their columns, in the order that users' scripts
+//! rely on, for every command that writes them.
+
+use std::path::Path;
+
+use kurs::signal::SPEED_OF_LIGHT_MPS;
+use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate};
+use kurs::time::GpsTime;
+use nalgebra::Matrix3;
+
+use crate::table::{Table, TableFormat};
+
+const ATTITUDE: &[&str] = &[
+    "time_gpst",
+    "gps_week",
+    "tow_s",
+    "status",
+    "reason",
+    "antennas",
+    "satellites",
+    "ambiguities",
+    "heading_deg",
+    "pitch_deg",
+    "roll_deg",
+    "heading_sd_deg",
+    "pitch_sd_deg",
+    "roll_sd_deg",
+    "cov_hp_deg2",
+    "cov_hr_deg2",
+    "cov_pr_deg2",
+    "success_rate",
+    "ratio",
+    "residual_rms_m",
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "sd_north_m",
+    "sd_east_m",
+    "sd_down_m",
+    "vel_north_mps",
+    "vel_east_mps",
+    "vel_down_mps",
+    "clock_bias_m",
+    "time_utc",
+    "qw",
+    "qx",
+    "qy",
+    "qz",
+];
+
+const BASELINES: &[&str] = &[
+    "time_gpst",
+    "gps_week",
+    "tow_s",
+    "base",
+    "rover",
+    "status",
+    "east_m",
+    "north_m",
+    "up_m",
+    "length_m",
+    "sd_east_m",
+    "sd_north_m",
+    "sd_up_m",
+    "cov_en_m2",
+    "cov_eu_m2",
+    "cov_nu_m2",
+];
+
+const POINTS: &[&str] = &[
+    "time_gpst",
+    "gps_week",
+    "tow_s",
+    "name",
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "sd_north_m",
+    "sd_east_m",
+    "sd_down_m",
+    "status",
+];
+
+/// The tables of one run, in one format.
+#[derive(Debug)]
+pub(crate) struct Tables {
+    antennas: Vec<String>,
+    points: Vec<String>,
+    attitude_table: Table,
+    baseline_table: Table,
+    point_table: Option<Table>,
+}
+
+impl Tables {
+    /// Starts the tables in `directory`; `points` is written only if there are any.
+    pub(crate) fn create(
+        directory: &Path,
+        format: TableFormat,
+        antennas: Vec<String>,
+        points: Vec<String>,
+    ) -> anyhow::Result<Self> {
+        let table = |stem, columns| Table::create(directory, stem, format, columns);
+        Ok(Self {
+            attitude_table: table("attitude", ATTITUDE)?,
+            baseline_table: table("baselines", BASELINES)?,
+            point_table: (!points.is_empty()).then(|| table("points", POINTS)).transpose()?,
+            antennas,
+            points,
+        })
+    }
+
+    /// Writes the rows of one epoch.
+    pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        write_attitude(&mut self.attitude_table, row)?;
+        self.write_baselines(row)?;
+        self.write_points(row)
+    }
+
+    fn write_baselines(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        for baseline in &row.baselines {
+            let t = &mut self.baseline_table;
+            time_columns(t, row.time);
+            t.text(&self.antennas[baseline.base]);
+            t.text(&self.antennas[baseline.rover]);
+            t.text(baseline.status.word());
+            for component in baseline.baseline_m.xyz().iter() {
+                t.real(Some(*component), 5);
+            }
+            t.real(Some(baseline.baseline_m.norm()), 5);
+            standard_deviations(t, Some(&baseline.covariance_m2), 5);
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                t.real(Some(baseline.covariance_m2[(i, j)]), 10);
+            }
+            t.end_row()?;
+        }
+        Ok(())
+    }
+
+    fn write_points(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        let Some(t) = &mut self.point_table else { return Ok(()) };
+        for point in &row.points {
+            time_columns(t, row.time);
+            t.text(&self.points[point.index]);
+            t.real(Some(point.geodetic.latitude_rad.to_degrees()), 10);
+            t.real(Some(point.geodetic.longitude_rad.to_degrees()), 10);
+            t.real(Some(point.geodetic.height_m), 4);
+            standard_deviations(t, Some(&point.covariance_m2), 4);
+            t.text(row.status.word());
+            t.end_row()?;
+        }
+        Ok(())
+    }
+
+    /// Gives the files their names.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.attitude_table.finish()?;
+        self.baseline_table.finish()?;
+        self.point_table.map_or(Ok(()), Table::finish)
+    }
+}
+
+fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
+    time_columns(t, row.time);
+    t.text(row.status.word());
+    t.text(row.reason.map_or("", |reason| reason.word()));
+    for count in [row.antennas, row.satellites, row.ambiguities] {
+        t.integer(i64::try_from(count).unwrap_or(i64::MAX));
+    }
+    attitude_columns(t, row.attitude.as_ref());
+    t.real(row.success_rate, 6);
+    t.real(row.ratio, 3);
+    t.real(row.residual_rms_m, 5);
+    position_columns(t, row.position.as_ref());
+    // The tag is by the receiver's clock: true time is the tag less the clock bias.
+    let bias_s = row.position.map_or(0.0, |p| p.clock_m / SPEED_OF_LIGHT_MPS);
+    t.text(&format!("{}Z", (row.time + -bias_s).utc().iso(6)));
+    let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
+    for i in 0..4 {
+        t.real(quaternion.map(|q| q[i]), 9);
+    }
+    t.end_row()
+}
+
+/// `time_gpst, gps_week, tow_s`
+fn time_columns(t: &mut Table, time: GpsTime) {
+    let digits = if time.as_nanoseconds() % 1_000_000 == 0 { 3 } else { 7 };
+    t.text(&time.calendar().iso(digits));
+    t.integer(time.week());
+    t.real(Some(time.tow_s()), digits);
+}
+
+/// `heading_deg` to `cov_pr_deg2`
+fn attitude_columns(t: &mut Table, attitude: Option<&AttitudeEstimate>) {
+    let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
+    for angle in angles {
+        t.real(angle.map(f64::to_degrees), 5);
+    }
+    let degrees = 1f64.to_degrees();
+    let covariance = attitude.map(|a| a.covariance_rad2 * degrees * degrees);
+    for (i, angle) in angles.iter().enumerate() {
+        t.real(angle.and(covariance).map(|c| c[(i, i)].sqrt()), 5);
+    }
+    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+        t.real(angles[i].and(angles[j]).and(covariance).map(|c| c[(i, j)]), 9);
+    }
+}
+
+/// `latitude_deg` to `clock_bias_m`
+fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
+    t.real(position.map(|p| p.geodetic.latitude_rad.to_degrees()), 10);
+    t.real(position.map(|p| p.geodetic.longitude_rad.to_degrees()), 10);
+    t.real(position.map(|p| p.geodetic.height_m), 4);
+    standard_deviations(t, position.map(|p| &p.covariance_m2), 4);
+    let velocity = position.and_then(|p| p.velocity_mps).map(|v| v.xyz());
+    for i in 0..3 {
+        t.real(velocity.map(|v| v[i]), 4);
+    }
+    t.real(position.map(|p| p.clock_m), 4);
+}
+
+fn standard_deviations(t: &mut Table, covariance: Option<&Matrix3<f64>>, decimals: usize) {
+    for i in 0..3 {
+        t.real(covariance.map(|c| c[(i, i)].sqrt()), decimals);
+    }
+}

@@ -1,0 +1,237 @@
+//! Combinations of one group's links that are free of receiver and satellite terms.
+//!
+//! The links of a group form a graph between antennas and satellites. With a spanning forest of it
+//! every receiver term `c` and satellite term `d` is a signed sum of tree links; each link outside
+//! the forest closes a loop, and `link − c − d` is a double difference. Where all antennas see all
+//! satellites these are the classical ones: rover minus reference antenna, satellite minus
+//! reference satellite. Where they do not, no satellite is lost because one antenna misses it.
+
+use nalgebra::DMatrix;
+use smallvec::{SmallVec, smallvec};
+
+use super::link::Link;
+
+/// Signed sum of links: index into the group's links, and +1 or −1; four links in the classical
+/// case, so it rarely leaves the stack.
+pub type Combination = SmallVec<[(usize, f64); 6]>;
+
+/// A node of the graph, with the signed sum of links that determines its term.
+struct Node {
+    known: Option<Combination>,
+}
+
+/// All independent double differences of the links `usable` in one group.
+///
+/// The reference satellite is the highest of those that most antennas see. Number of rows: links −
+/// antennas − satellites + connected parts.
+#[must_use]
+pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combination> {
+    let edges: Vec<usize> = (0..links.len()).filter(|i| usable(&links[*i])).collect();
+    let antenna_count = links.iter().map(|l| l.antenna + 1).max().unwrap_or(0);
+    let mut antennas: Vec<Node> = (0..antenna_count).map(|_| Node { known: None }).collect();
+    let mut satellites: Vec<_> = edges.iter().map(|e| links[*e].satellite).collect();
+    satellites.sort_unstable();
+    satellites.dedup();
+    let mut terms: Vec<Node> = satellites.iter().map(|_| Node { known: None }).collect();
+    let index = |edge: usize| {
+        satellites.binary_search(&links[edge].satellite).expect("satellites holds every edge's")
+    };
+
+    let mut in_tree = vec![false; links.len()];
+    while let Some(reference) = next_reference(links, &edges, &terms, index) {
+        // One term of each connected part is free: the reference satellite's is zero.
+        terms[reference].known = Some(Combination::new());
+        grow(links, &edges, &mut antennas, &mut terms, &mut in_tree, index);
+    }
+
+    let outside = edges.iter().filter(|e| !in_tree[**e]);
+    outside
+        .map(|&edge| {
+            let mut sum: Combination = smallvec![(edge, 1.0)];
+            // link − c − d
+            for node in [&antennas[links[edge].antenna], &terms[index(edge)]] {
+                sum.extend(node.known.iter().flat_map(negated));
+            }
+            collected(sum)
+        })
+        .collect()
+}
+
+/// The next satellite to start a connected part from.
+fn next_reference(
+    links: &[Link],
+    edges: &[usize],
+    terms: &[Node],
+    index: impl Fn(usize) -> usize,
+) -> Option<usize> {
+    let mut seen = vec![(0_usize, 0.0_f64); terms.len()];
+    for &edge in edges {
+        let entry = &mut seen[index(edge)];
+        entry.0 += 1;
+        entry.1 = entry.1.max(links[edge].elevation_rad);
+    }
+    (0..terms.len()).filter(|s| terms[*s].known.is_none()).max_by(|a, b| {
+        let ((count_a, elevation_a), (count_b, elevation_b)) = (seen[*a], seen[*b]);
+        count_a.cmp(&count_b).then(elevation_a.total_cmp(&elevation_b)).then(b.cmp(a))
+    })
+}
+
+/// Grows the tree until no link leads from a known node to an unknown one.
+fn grow(
+    links: &[Link],
+    edges: &[usize],
+    antennas: &mut [Node],
+    terms: &mut [Node],
+    in_tree: &mut [bool],
+    index: impl Fn(usize) -> usize,
+) {
+    loop {
+        let mut grown = false;
+        for &edge in edges {
+            let (antenna, satellite) = (links[edge].antenna, index(edge));
+            match (&antennas[antenna].known, &terms[satellite].known) {
+                // c = link − d
+                (None, Some(d)) => antennas[antenna].known = Some(link_minus(edge, d)),
+                // d = link − c
+                (Some(c), None) => terms[satellite].known = Some(link_minus(edge, c)),
+                _ => continue,
+            }
+            in_tree[edge] = true;
+            grown = true;
+        }
+        if !grown {
+            return;
+        }
+    }
+}
+
+fn link_minus(edge: usize, other: &Combination) -> Combination {
+    let mut sum: Combination = smallvec![(edge, 1.0)];
+    sum.extend(negated(other));
+    sum
+}
+
+fn negated(combination: &Combination) -> impl Iterator<Item = (usize, f64)> {
+    combination.iter().map(|(edge, sign)| (*edge, -sign))
+}
+
+/// The same sum with each link once.
+fn collected(mut sum: Combination) -> Combination {
+    sum.sort_by_key(|(edge, _)| *edge);
+    sum.dedup_by(|next, kept| {
+        let same = next.0 == kept.0;
+        if same {
+            kept.1 += next.1;
+        }
+        same
+    });
+    sum.retain(|(_, sign)| *sign != 0.0);
+    sum
+}
+
+/// Covariance `D diag(σ²) Dᵀ` of the combinations (rows of `D`), from the variance of each link.
+///
+/// Combinations share links (the reference antenna and satellite), so it is never diagonal.
+#[must_use]
+pub fn covariance(combinations: &[Combination], variance: impl Fn(usize) -> f64) -> DMatrix<f64> {
+    let n = combinations.len();
+    let last = combinations.iter().flatten().map(|(edge, _)| *edge).max().unwrap_or(0);
+    let mut weighted = vec![0.0; last + 1];
+    let mut result = DMatrix::zeros(n, n);
+    for i in 0..n {
+        for (edge, sign) in &combinations[i] {
+            weighted[*edge] = sign * variance(*edge);
+        }
+        for j in 0..=i {
+            let sum: f64 = combinations[j].iter().map(|(edge, sign)| sign * weighted[*edge]).sum();
+            result[(i, j)] = sum;
+            result[(j, i)] = sum;
+        }
+        for (edge, _) in &combinations[i] {
+            weighted[*edge] = 0.0;
+        }
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::{Satellite, Signal, System};
+    use crate::sky::Variances;
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    /// A link whose value is its receiver term plus its satellite term.
+    fn link(antenna: usize, number: u8) -> Link {
+        let value = 1e3 * antenna as f64 - 17.0 * f64::from(number).powi(2);
+        Link {
+            antenna,
+            satellite: Satellite::new(System::Gps, number),
+            signal: Signal::new(System::Gps, 1, b'C'),
+            code_m: Some(value),
+            phase_m: None,
+            wavelength_m: 0.19,
+            variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
+            gradient: Vector3::zeros(),
+            elevation_rad: 0.1 * f64::from(number),
+        }
+    }
+
+    #[test]
+    fn two_antennas_give_the_classical_double_differences() {
+        let links: Vec<Link> = (1..=3).flat_map(|s| [link(0, s), link(1, s)]).collect();
+        let rows = combinations(&links, |_| true);
+        // Reference satellite 3 (the highest): (s1 − s3) and (s2 − s3), rover − reference.
+        assert_eq!(rows.len(), 2);
+        assert_eq!(rows[0].as_slice(), [(0, -1.0), (1, 1.0), (4, 1.0), (5, -1.0)]);
+        let q = covariance(&rows, |_| 0.25);
+        assert_eq!((q[(0, 0)], q[(0, 1)], q[(1, 1)]), (1.0, 0.5, 1.0));
+    }
+
+    #[test]
+    fn three_antennas_share_the_reference_antenna() {
+        let links: Vec<Link> = (1..=2).flat_map(|s| [link(0, s), link(1, s), link(2, s)]).collect();
+        let rows = combinations(&links, |_| true);
+        let q = covariance(&rows, |_| 1.0);
+        assert_eq!((q[(0, 0)], q[(0, 1)], q[(1, 1)]), (4.0, 2.0, 4.0));
+    }
+
+    /// Antenna 0 misses satellite 3, antenna 2 misses satellite 1: 7 links, 3 antennas, 3
+    /// satellites: two independent loops, one of them through all three antennas.
+    #[test]
+    fn a_satellite_that_one_antenna_misses_still_counts() {
+        let links =
+            [(0, 1), (0, 2), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3)].map(|(a, s)| link(a, s));
+        assert_eq!(combinations(&links, |_| true).len(), 2);
+    }
+
+    proptest! {
+        /// Whatever is seen: every combination is free of clocks, and their number is that of the
+        /// independent loops of the graph.
+        #[test]
+        fn combinations_are_clock_free_and_independent(seen in proptest::collection::vec(any::<bool>(), 40)) {
+            let links: Vec<Link> = (0..40)
+                .filter(|i| seen[*i])
+                .map(|i| link(i % 4, u8::try_from(i / 4).unwrap()))
+                .collect();
+            let rows = combinations(&links, |_| true);
+            for row in &rows {
+                let value: f64 = row.iter().map(|(e, s)| s * links[*e].code_m.unwrap()).sum();
+                prop_assert!(value.abs() < 1e-9);
+            }
+            if !rows.is_empty() {
+                let independent = covariance(&rows, |_| 1.0).cholesky().is_some();
+                prop_assert!(independent);
+            }
+            // Rank of the clock part, from its normal matrix.
+            let mut clocks = DMatrix::zeros(links.len(), 14);
+            for (i, l) in links.iter().enumerate() {
+                clocks[(i, l.antenna)] = 1.0;
+                clocks[(i, 4 + usize::from(l.satellite.number))] = 1.0;
+            }
+            let rank = if links.is_empty() { 0 } else { clocks.rank(1e-9) };
+            prop_assert_eq!(rows.len(), links.len() - rank);
+        }
+    }
+}

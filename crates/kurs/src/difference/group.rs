@@ -1,0 +1,169 @@
+//! Which links may be differenced with each other.
+//!
+//! A receiver's bias is common to all satellites only for one band and one tracking code. Within a
+//! band every satellite is therefore used with one code at each antenna, and satellites with the
+//! same codes form a group with its own receiver terms.
+
+use std::ops::Range;
+
+use super::link::Link;
+
+/// Sorts `links` into groups and drops what cannot be differenced; returns the range of each group.
+///
+/// For each band the code that most satellites have at *all* antennas that see them comes first,
+/// then the code that most of the remaining ones have, and so on. Satellites for which the antennas
+/// track different codes (one receiver L2C, the other L2P) follow, grouped by the combination.
+pub fn group(links: &mut Vec<Link>) -> Vec<Range<usize>> {
+    links.sort_by_key(|link| {
+        (link.signal.band, link.satellite, link.antenna, preference(link.signal.attribute))
+    });
+    links.dedup_by_key(|link| (link.signal, link.satellite, link.antenna));
+
+    let mut grouped: Vec<Link> = Vec::with_capacity(links.len());
+    let mut ranges = Vec::new();
+    for band in links.chunk_by(|a, b| a.signal.band == b.signal.band) {
+        let mut satellites: Vec<&[Link]> = band
+            .chunk_by(|a, b| a.satellite == b.satellite)
+            .filter(|of_satellite| antennas(of_satellite) >= 2)
+            .collect();
+        while !satellites.is_empty() {
+            let start = grouped.len();
+            match most_common_code(&satellites) {
+                Some(code) => satellites.retain(|of_satellite| {
+                    let common = is_common(of_satellite, code);
+                    if common {
+                        let with_code = of_satellite.iter().filter(|l| l.signal.attribute == code);
+                        grouped.extend(with_code);
+                    }
+                    !common
+                }),
+                None => {
+                    let codes = preferred_codes(satellites[0]);
+                    satellites.retain(|of_satellite| {
+                        let same = preferred_codes(of_satellite) == codes;
+                        if same {
+                            grouped.extend(preferred(of_satellite));
+                        }
+                        !same
+                    });
+                }
+            }
+            ranges.push(start..grouped.len());
+        }
+    }
+    *links = grouped;
+    ranges
+}
+
+/// Order of preference among tracking codes of one band: civil data and pilot components before
+/// combined ones before the codes that a civil receiver tracks without their key.
+fn preference(attribute: u8) -> usize {
+    const ORDER: &[u8] = b"CQLIXDPSZBAWYMN";
+    ORDER.iter().position(|code| *code == attribute).unwrap_or(ORDER.len())
+}
+
+/// Number of antennas among the links of one satellite (sorted by antenna).
+fn antennas(of_satellite: &[Link]) -> usize {
+    of_satellite.chunk_by(|a, b| a.antenna == b.antenna).count()
+}
+
+/// Whether every antenna that sees the satellite tracks this code.
+fn is_common(of_satellite: &[Link], code: u8) -> bool {
+    of_satellite
+        .chunk_by(|a, b| a.antenna == b.antenna)
+        .all(|of_antenna| of_antenna.iter().any(|l| l.signal.attribute == code))
+}
+
+/// The code that is common for most of the satellites; among equals the preferred one.
+fn most_common_code(satellites: &[&[Link]]) -> Option<u8> {
+    let codes = (b'A'..=b'Z').map(|code| {
+        let count = satellites.iter().filter(|s| is_common(s, code)).count();
+        (count, core::cmp::Reverse(preference(code)), code)
+    });
+    codes.max().filter(|(count, _, _)| *count > 0).map(|(_, _, code)| code)
+}
+
+/// The preferred link of each antenna (they are sorted by preference).
+fn preferred(of_satellite: &[Link]) -> impl Iterator<Item = &Link> {
+    of_satellite.chunk_by(|a, b| a.antenna == b.antenna).map(|of_antenna| &of_antenna[0])
+}
+
+fn preferred_codes(of_satellite: &[Link]) -> Vec<(usize, u8)> {
+    preferred(of_satellite).map(|link| (link.antenna, link.signal.attribute)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::{Satellite, Signal, System};
+    use crate::sky::Variances;
+    use nalgebra::Vector3;
+
+    fn link(antenna: usize, number: u8, digit: u8, attribute: u8) -> Link {
+        Link {
+            antenna,
+            satellite: Satellite::new(System::Gps, number),
+            signal: Signal::new(System::Gps, digit, attribute),
+            code_m: Some(0.0),
+            phase_m: Some(0.0),
+            wavelength_m: 0.19,
+            variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
+            gradient: Vector3::zeros(),
+            elevation_rad: 1.0,
+        }
+    }
+
+    fn codes(links: &[Link]) -> Vec<(u8, usize, char)> {
+        links
+            .iter()
+            .map(|l| (l.satellite.number, l.antenna, char::from(l.signal.attribute)))
+            .collect()
+    }
+
+    #[test]
+    fn the_code_of_most_satellites_wins() {
+        let mut links = Vec::new();
+        for antenna in [0, 1] {
+            for number in 1..=4 {
+                links.push(link(antenna, number, 2, b'W'));
+                if number <= 2 {
+                    links.push(link(antenna, number, 2, b'L'));
+                }
+            }
+        }
+        let ranges = group(&mut links);
+        assert_eq!(ranges, vec![0..8]);
+        assert!(links.iter().all(|l| l.signal.attribute == b'W'));
+    }
+
+    #[test]
+    fn unlike_receivers_get_a_group_of_their_pair_of_codes() {
+        let mut links = vec![
+            link(0, 1, 2, b'L'),
+            link(1, 1, 2, b'W'),
+            link(0, 2, 2, b'L'),
+            link(1, 2, 2, b'W'),
+            link(0, 3, 2, b'W'),
+            link(1, 3, 2, b'W'),
+        ];
+        let ranges = group(&mut links);
+        assert_eq!(ranges, vec![0..2, 2..6]);
+        assert_eq!(
+            codes(&links),
+            [(3, 0, 'W'), (3, 1, 'W'), (1, 0, 'L'), (1, 1, 'W'), (2, 0, 'L'), (2, 1, 'W')]
+        );
+    }
+
+    #[test]
+    fn bands_never_mix_and_lonely_links_go() {
+        let mut links = vec![
+            link(0, 1, 1, b'C'),
+            link(1, 1, 1, b'C'),
+            link(0, 1, 2, b'L'),
+            link(0, 2, 1, b'C'),
+        ];
+        let ranges = group(&mut links);
+        assert_eq!(ranges, vec![0..2]);
+        assert_eq!(codes(&links), [(1, 0, 'C'), (1, 1, 'C')]);
+    }
+}

@@ -1,0 +1,101 @@
+//! Observations less their computed values: one link between an antenna and a satellite.
+
+use nalgebra::Vector3;
+
+use crate::atmosphere::Troposphere;
+use crate::ephemeris::NavigationData;
+use crate::frames::{Ecef, Vector};
+use crate::observation::AntennaEpoch;
+use crate::point::Tracked;
+use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
+use crate::sky::{Horizon, NoiseModel, Variances, View};
+
+/// One signal between one antenna and one satellite, linearised at the antenna's approximate
+/// position: `value = gradientᵀ dx + receiver term + satellite term (+ λ N for the phase)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// Index of the antenna.
+    pub antenna: usize,
+    /// The satellite.
+    pub satellite: Satellite,
+    /// Band and tracking code.
+    pub signal: Signal,
+    /// Observed less computed pseudorange, m.
+    pub code_m: Option<f64>,
+    /// Observed less computed carrier phase, m; only where it can be an integer.
+    pub phase_m: Option<f64>,
+    /// Carrier wavelength, m.
+    pub wavelength_m: f64,
+    /// Variances of the two.
+    pub variances: Variances,
+    /// Derivative of the computed value by the antenna's position, ECEF.
+    pub gradient: Vector3<f64>,
+    /// Elevation of the satellite.
+    pub elevation_rad: f64,
+}
+
+/// An antenna of the epoch with what is known of it so far.
+#[derive(Debug, Clone, Copy)]
+pub struct Antenna<'a> {
+    /// Index in the configuration.
+    pub index: usize,
+    /// Its observations.
+    pub epoch: &'a AntennaEpoch,
+    /// Its satellites at *its own* reception time: receivers' clocks differ by up to milliseconds,
+    /// in which a range changes by up to 0.8 m.
+    pub tracked: &'a [Tracked],
+    /// Approximate position, m.
+    pub position_m: Vector<Ecef>,
+}
+
+/// Appends the links of one antenna for the wanted bands, satellites above the mask.
+pub fn links(
+    antenna: &Antenna<'_>,
+    navigation: &NavigationData,
+    noise: &NoiseModel,
+    elevation_mask_rad: f64,
+    wanted: impl Fn(Band) -> bool,
+    links: &mut Vec<Link>,
+) {
+    let horizon = Horizon::at(antenna.position_m);
+    let troposphere = Troposphere::above(&horizon.geodetic);
+    let lowest_rad = horizon.lowest_elevation_rad(elevation_mask_rad);
+    let up = horizon.ned_from_ecef().inverse() * Vector::new(0.0, 0.0, -1.0);
+
+    for observations in antenna.epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
+        let satellite = observations[0].satellite;
+        let Some(tracked) = antenna.tracked.iter().find(|t| t.satellite == satellite) else {
+            continue;
+        };
+        let view = View::new(&tracked.state, antenna.position_m);
+        let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad;
+        if elevation_rad < lowest_rad {
+            continue;
+        }
+        let computed_m = view.range_m + troposphere.delay_m(elevation_rad)
+            - SPEED_OF_LIGHT_MPS * tracked.state.clock_s;
+        // The troposphere gets thinner as the antenna rises: on a mast of 35 m that is 14 mm.
+        let gradient = -view.line_of_sight.xyz() + up.xyz() * troposphere.slope(elevation_rad);
+        let channel = navigation.ephemerides.glonass_channel(satellite);
+
+        for observation in observations.iter().filter(|o| wanted(o.signal.band)) {
+            let band = observation.signal.band;
+            let Some(wavelength_m) = band.wavelength_m(channel) else { continue };
+            let whole_cycles = !observation.lock.half_cycle_unresolved();
+            // Differences between GLONASS FDMA carriers are no whole numbers of one wavelength.
+            let one_carrier = band.frequency_hz(None).is_some();
+            let phase_cycles = observation.phase_cycles.filter(|_| whole_cycles && one_carrier);
+            links.push(Link {
+                antenna: antenna.index,
+                satellite,
+                signal: observation.signal,
+                code_m: observation.pseudorange_m.map(|p| p - computed_m),
+                phase_m: phase_cycles.map(|cycles| cycles * wavelength_m - computed_m),
+                wavelength_m,
+                variances: noise.variances(band, elevation_rad, observation.cn0_dbhz),
+                gradient,
+                elevation_rad,
+            });
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! From the observations of all antennas to double differences with their full covariance.
+//!
+//! 1. [`link`]: each observation less its computed value, at its own antenna and reception time.
+//! 2. [`group`]: which observations may be differenced with each other: one band, and one pair of
+//!    tracking codes.
+//! 3. [`double`]: the combinations that are free of receiver and satellite clocks.
+
+mod double;
+mod group;
+mod link;
+
+pub use double::{Combination, combinations, covariance};
+pub use group::group;
+pub use link::{Antenna, Link, links};

@@ -1,0 +1,312 @@
+//! Integers: found, and accepted or not.
+
+use std::ops::Range;
+
+use nalgebra::{DVector, Vector3};
+
+use crate::ambiguity::length_constrained::LengthConstrained;
+use crate::ambiguity::search::IntegerLeastSquares;
+use crate::ambiguity::sphere::Length;
+use crate::ambiguity::success_rate::bootstrapped_success_rate;
+use crate::ambiguity::{AmbiguityError, MixedFloat};
+use crate::array::AntennaArray;
+use crate::baseline::Baselines;
+use crate::difference::{self, Link};
+use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
+use crate::solution::Reason;
+
+use super::locate::CommonFrame;
+use super::noise_scale::NoiseScale;
+use super::settings::{Constraint, Settings};
+
+/// Candidates whose probabilities are weighed against each other.
+const CANDIDATES: usize = 4;
+/// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
+/// never more than this, because multipath changes from satellite to satellite and with time.
+const MAX_PRIOR_FREEDOM: f64 = 30.0;
+/// Integers that beat all others by this ratio teach the phase noise, even while the noise level is
+/// too uncertain to accept them.
+const CLEAR_RATIO: f64 = 3.0;
+/// A fix whose phase residuals are this many times larger than their weights say is no fix.
+const MAX_UNIT_WEIGHT: f64 = 4.0;
+/// A length that is off by more than this many standard deviations breaks the known geometry.
+const MAX_LENGTH_SD: f64 = 5.0;
+
+/// What becomes of the best integers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Verdict {
+    /// Accepted.
+    Fixed,
+    /// Not sure: the float solution stands.
+    Float(Reason),
+    /// Sure, but against what is known: refused.
+    Refused(Reason),
+}
+
+/// Baselines of the epoch with what is known of their integers.
+#[derive(Debug)]
+pub(super) struct Outcome {
+    pub(super) verdict: Verdict,
+    pub(super) success_rate: Option<f64>,
+    pub(super) ratio: Option<f64>,
+    pub(super) residual_rms_m: Option<f64>,
+    pub(super) baselines: Baselines,
+}
+
+/// The best integers and how they stand against the others.
+struct Found {
+    /// In the order of the float solution's ambiguities, cycles.
+    integers: Vec<f64>,
+    /// Second-best over best cost.
+    ratio: f64,
+    /// Probability of the other candidates over that of the best.
+    rivals: f64,
+    /// Bootstrapped.
+    success_rate: f64,
+}
+
+/// The searches with their memory, and the noise of the session.
+#[derive(Debug, Default)]
+pub(super) struct Fixer {
+    free: IntegerLeastSquares,
+    length: LengthConstrained,
+    code: NoiseScale,
+    phase: NoiseScale,
+}
+
+impl Fixer {
+    /// Float solution with the noise level of the session, which learns from its code residuals.
+    pub(super) fn float(
+        &mut self,
+        links: &[Link],
+        groups: &[Range<usize>],
+        frame: &CommonFrame,
+    ) -> Result<FloatSolution, NoFloat> {
+        let rovers: Vec<usize> = frame.rovers().collect();
+        FloatSolution::solve(links, groups, frame.reference, &rovers, |code_fit| {
+            self.code.learn(code_fit, 1.0);
+            self.factors()
+        })
+    }
+
+    fn factors(&self) -> VarianceFactors {
+        VarianceFactors { code: self.code.variance_factor(), phase: self.phase.variance_factor() }
+    }
+
+    /// Searches the integers of the epoch under the constraint in force, and judges them.
+    pub(super) fn fix(
+        &mut self,
+        float: &FloatSolution,
+        links: &[Link],
+        frame: &CommonFrame,
+        settings: &Settings,
+    ) -> Outcome {
+        let mut outcome = Outcome::float(float, frame);
+        if float.ambiguities_cycles.is_empty() {
+            return outcome;
+        }
+        let found = match (settings.constraint, &settings.array) {
+            (Constraint::Length, Some(array)) => {
+                self.with_lengths(float, links, frame, array, settings.array_sd_m)
+            }
+            _ => self.without_constraint(float),
+        };
+        match found {
+            Ok(found) => {
+                let fit = outcome.judge(&found, float, frame, settings);
+                // The residual test may refuse just because the level is not known yet.
+                if found.rivals <= settings.max_wrong_fix_rate || found.ratio >= CLEAR_RATIO {
+                    self.phase.learn(fit, self.phase.variance_factor());
+                }
+            }
+            Err(reason) => outcome.verdict = Verdict::Float(reason),
+        }
+        outcome
+    }
+
+    /// All ambiguities of all baselines together, nothing known of the geometry.
+    fn without_constraint(&mut self, float: &FloatSolution) -> Result<Found, Reason> {
+        let candidates = self
+            .free
+            .solve(float.ambiguities_cycles.as_slice(), &float.ambiguity_covariance, CANDIDATES)
+            .map_err(reason)?;
+        let costs: Vec<f64> = candidates.iter().map(|c| c.squared_distance).collect();
+        let variances = self.free.decorrelation().conditional_variances();
+        let rate = bootstrapped_success_rate(variances);
+        self.weigh(&candidates[0].integers, &costs, float, rate)
+    }
+
+    /// Each baseline by itself with its known length; the joint ambiguities follow from the
+    /// baselines, which are then known to millimetres.
+    fn with_lengths(
+        &mut self,
+        float: &FloatSolution,
+        links: &[Link],
+        frame: &CommonFrame,
+        array: &AntennaArray,
+        array_sd_m: f64,
+    ) -> Result<Found, Reason> {
+        let length = |rover: usize| Length {
+            length_m: (array.positions_m()[rover] - array.positions_m()[float.reference]).norm(),
+            // Both ends are uncertain along the baseline.
+            sd_m: array_sd_m * core::f64::consts::SQRT_2,
+        };
+        if let [rover] = float.rovers[..] {
+            let (found, _) = self.one_length(float, frame.approximate_m[0].xyz(), length(rover))?;
+            return Ok(found);
+        }
+        let mut joint =
+            Found { integers: Vec::new(), ratio: f64::INFINITY, rivals: 0.0, success_rate: 1.0 };
+        let mut corrections_m = DVector::zeros(float.correction_m.len());
+        for (block, rover) in float.rovers.iter().enumerate() {
+            let mut of_pair: Vec<Link> = links
+                .iter()
+                .filter(|l| l.antenna == float.reference || l.antenna == *rover)
+                .copied()
+                .collect();
+            let groups = difference::group(&mut of_pair);
+            let factors = self.factors();
+            let pair =
+                FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover], |_| factors)
+                    .map_err(|_| Reason::FewSatellites)?;
+            let approximate_m = frame.approximate_m[block].xyz();
+            let (found, conditional) = self.one_length(&pair, approximate_m, length(*rover))?;
+            corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
+            joint.ratio = joint.ratio.min(found.ratio);
+            joint.rivals += found.rivals;
+            joint.success_rate *= found.success_rate;
+        }
+        joint.integers = float.nearest_integers(&corrections_m);
+        Ok(joint)
+    }
+
+    /// One baseline with its known length.
+    fn one_length(
+        &mut self,
+        float: &FloatSolution,
+        approximate_m: Vector3<f64>,
+        length: Length,
+    ) -> Result<(Found, Conditional), Reason> {
+        let mixed = MixedFloat {
+            ambiguities: float.ambiguities_cycles.clone(),
+            ambiguity_covariance: float.ambiguity_covariance.clone(),
+            reals_m: DVector::from_column_slice(approximate_m.as_slice()) + &float.correction_m,
+            cross_covariance: float.cross_covariance.clone(),
+            conditional_covariance_m2: float
+                .conditional_covariance_m2()
+                .ok_or(Reason::WeakModel)?,
+        };
+        let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
+        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
+        let variances = self.length.decorrelation().conditional_variances();
+        let rate = bootstrapped_success_rate(variances);
+        let found = self.weigh(&candidates[0].integers, &costs, float, rate)?;
+        let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
+        Ok((found, conditional))
+    }
+
+    /// Weighs the candidates (cheapest first) against each other.
+    ///
+    /// With Gaussian noise of a level that is itself uncertain (inverse-gamma, `ν` degrees of
+    /// freedom around the session's level), a candidate with the total cost `q` of `f` degrees of
+    /// freedom has a likelihood ∝ `(ν + q)^{−(ν + f)/2}`.
+    fn weigh(
+        &self,
+        integers: &[i64],
+        costs: &[f64],
+        float: &FloatSolution,
+        success_rate: f64,
+    ) -> Result<Found, Reason> {
+        let [best, others @ ..] = costs else { return Err(Reason::WeakModel) };
+        let prior = self.code.freedom().min(MAX_PRIOR_FREEDOM);
+        let freedom = (float.code_fit.freedom + float.ambiguities_cycles.len()) as f64;
+        let total = |cost: &f64| prior + float.code_fit.sum + cost;
+        let likelihood = |cost: &f64| (total(cost) / total(best)).powf(-0.5 * (prior + freedom));
+        Ok(Found {
+            integers: integers.iter().map(|z| *z as f64).collect(),
+            ratio: others.first().map_or(f64::INFINITY, |second| second / best.max(1e-12)),
+            rivals: others.iter().map(likelihood).sum(),
+            success_rate,
+        })
+    }
+}
+
+/// Why a search gave nothing, in the words of the outputs.
+fn reason(error: AmbiguityError) -> Reason {
+    match error {
+        AmbiguityError::BudgetExceeded { .. } => Reason::Budget,
+        _ => Reason::WeakModel,
+    }
+}
+
+impl Outcome {
+    /// The float solution, as long as nothing better is known.
+    fn float(float: &FloatSolution, frame: &CommonFrame) -> Self {
+        Self {
+            verdict: Verdict::Float(Reason::NoPhase),
+            success_rate: None,
+            ratio: None,
+            residual_rms_m: None,
+            baselines: Baselines {
+                reference: float.reference,
+                rovers: float.rovers.clone(),
+                vectors_m: approximate(frame) + &float.correction_m,
+                covariance_m2: float.covariance_m2.clone(),
+            },
+        }
+    }
+
+    /// Accepts the integers if the others are improbable enough and all checks hold; returns how
+    /// well the phases fit.
+    fn judge(
+        &mut self,
+        found: &Found,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+        settings: &Settings,
+    ) -> Fit {
+        self.success_rate = Some(found.success_rate);
+        self.ratio = Some(found.ratio);
+        let Some(conditional) = float.conditional(&found.integers) else {
+            self.verdict = Verdict::Float(Reason::WeakModel);
+            return Fit::default();
+        };
+        self.residual_rms_m = Some(conditional.residual_rms_m);
+        if found.rivals > settings.max_wrong_fix_rate {
+            self.verdict = Verdict::Float(Reason::Ratio);
+            return conditional.phase_fit;
+        }
+        self.baselines.vectors_m = approximate(frame) + &conditional.correction_m;
+        self.verdict = if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
+            Verdict::Refused(Reason::Residuals)
+        } else if self.breaks_length(&conditional, settings) {
+            Verdict::Refused(Reason::Length)
+        } else {
+            Verdict::Fixed
+        };
+        self.baselines.covariance_m2 = conditional.covariance_m2;
+        conditional.phase_fit
+    }
+
+    /// Whether a baseline does not have the length that the known array gives it.
+    fn breaks_length(&self, conditional: &Conditional, settings: &Settings) -> bool {
+        let Some(array) = &settings.array else { return false };
+        let positions_m = array.positions_m();
+        let reference = positions_m[self.baselines.reference];
+        self.baselines.rovers.iter().enumerate().any(|(block, rover)| {
+            let known_m = (positions_m[*rover] - reference).norm();
+            let (found_m, _) = self.baselines.length_m(block);
+            let along = self.baselines.vector_m(block).direction().xyz();
+            let q = conditional.covariance_m2.fixed_view::<3, 3>(3 * block, 3 * block);
+            let variance_m2 =
+                (along.transpose() * q * along)[0] + 2.0 * settings.array_sd_m.powi(2);
+            (found_m - known_m).abs() > MAX_LENGTH_SD * variance_m2.sqrt()
+        })
+    }
+}
+
+/// Approximate baselines, one after the other.
+fn approximate(frame: &CommonFrame) -> DVector<f64> {
+    let components = frame.approximate_m.iter().flat_map(|b| <[f64; 3]>::from(b.xyz()));
+    DVector::from_iterator(3 * frame.approximate_m.len(), components)
+}

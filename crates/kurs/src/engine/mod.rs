@@ -1,0 +1,164 @@
+//! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
+
+mod fix;
+mod locate;
+mod noise_scale;
+mod orientation;
+mod settings;
+
+pub use settings::{Constraint, Settings, SettingsError};
+
+use crate::baseline::Baselines;
+use crate::difference::{self, Link};
+use crate::ephemeris::NavigationData;
+use crate::float_solution::NoFloat;
+use crate::frames::Geodetic;
+use crate::observation::ArrayEpoch;
+use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
+use fix::{Fixer, Verdict};
+use locate::{Located, locate};
+
+/// The estimator: one epoch of all antennas in, one row out.
+#[derive(Debug)]
+pub struct Engine {
+    settings: Settings,
+    navigation: NavigationData,
+    located: Vec<Located>,
+    links: Vec<Link>,
+    fixer: Fixer,
+}
+
+impl Engine {
+    /// An engine for these settings and navigation data.
+    ///
+    /// # Errors
+    ///
+    /// [`SettingsError`] for settings that cannot work.
+    pub fn new(settings: Settings, navigation: NavigationData) -> Result<Self, SettingsError> {
+        settings.check()?;
+        Ok(Self {
+            settings,
+            navigation,
+            located: Vec::new(),
+            links: Vec::new(),
+            fixer: Fixer::default(),
+        })
+    }
+
+    /// Attitude, baselines and position of one epoch.
+    pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
+        locate(epoch, &self.navigation, &self.settings, &mut self.located);
+        let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
+        row.antennas = self.located.len();
+        row.position = self.first_position();
+        if let Err(reason) = self.relative(epoch, &mut row) {
+            row.reason = Some(reason);
+        }
+        row
+    }
+
+    /// Position and velocity of the first antenna that has them.
+    fn first_position(&self) -> Option<PositionEstimate> {
+        let located = self.located.iter().find(|l| l.point.is_ok())?;
+        let point = located.point.as_ref().ok()?;
+        let ned_from_ecef = point.horizon.ned_from_ecef();
+        Some(PositionEstimate {
+            geodetic: point.horizon.geodetic,
+            position_m: point.position_m,
+            covariance_m2: ned_from_ecef.turn_covariance(&point.covariance_m2),
+            velocity_mps: located.velocity.map(|v| ned_from_ecef * v.velocity_mps),
+            clock_m: point.clock_m,
+        })
+    }
+
+    /// Differences, float solution, integers, baselines, attitude.
+    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
+        let frame = locate::common_frame(&self.located)?;
+        self.form_links(epoch, &frame);
+        let groups = difference::group(&mut self.links);
+        row.shared_satellites = locate::shared_satellites(&self.links);
+
+        let float =
+            self.fixer.float(&self.links, &groups, &frame).map_err(|error| match error {
+                NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites => Reason::FewSatellites,
+            })?;
+        row.satellites = float.satellites;
+        row.ambiguities = float.ambiguities_cycles.len();
+
+        let outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings);
+        row.success_rate = outcome.success_rate;
+        row.ratio = outcome.ratio;
+        row.residual_rms_m = outcome.residual_rms_m;
+        let orientation =
+            orientation::orient(&outcome.baselines, &frame.horizon, self.settings.array.as_ref());
+        (row.status, row.reason) = judge(outcome.verdict, &orientation, &self.settings);
+        row.baselines = outcome.baselines.local(&frame.horizon, row.status);
+        row.attitude = orientation.ok();
+        self.place_body(&outcome.baselines, row);
+        Ok(())
+    }
+
+    /// Observed less computed for every antenna, at its own reception time.
+    fn form_links(&mut self, epoch: &ArrayEpoch, frame: &locate::CommonFrame) {
+        self.links.clear();
+        for (located, position_m) in self.located.iter().zip(&frame.positions_m) {
+            let Some(observed) = &epoch.antennas[located.antenna] else { continue };
+            let antenna = difference::Antenna {
+                index: located.antenna,
+                epoch: observed,
+                tracked: &located.tracked,
+                position_m: *position_m,
+            };
+            difference::links(
+                &antenna,
+                &self.navigation,
+                &self.settings.noise,
+                self.settings.elevation_mask_rad,
+                |band| self.settings.wants(band),
+                &mut self.links,
+            );
+        }
+    }
+
+    /// Moves the position from the antenna to the body origin, and adds the wanted points, once
+    /// the attitude is known: `G = A₀ + Q (g − l₀)` (seed 004, equation 27).
+    fn place_body(&self, baselines: &Baselines, row: &mut EpochSolution) {
+        let (Some(array), Some(position)) = (&self.settings.array, &mut row.position) else {
+            return;
+        };
+        let Some(ned_from_body) = row.attitude.and_then(|a| a.ned_from_body) else { return };
+        let ecef_from_body = position.geodetic.ecef_from_ned() * ned_from_body;
+        let antenna = array.positions_m()[baselines.reference];
+        let antenna_m = position.position_m;
+        let at = |point| antenna_m + ecef_from_body * (point - antenna);
+        for (index, point) in self.settings.points_m.iter().enumerate() {
+            row.points.push(crate::solution::PointEstimate {
+                index,
+                geodetic: Geodetic::from_ecef(at(*point)),
+                covariance_m2: position.covariance_m2,
+            });
+        }
+        position.position_m = at(crate::frames::Vector::new(0.0, 0.0, 0.0));
+        position.geodetic = Geodetic::from_ecef(position.position_m);
+    }
+}
+
+/// Status of the epoch from what the integers and the orientation say.
+fn judge(
+    verdict: Verdict,
+    orientation: &Result<crate::solution::AttitudeEstimate, Reason>,
+    settings: &Settings,
+) -> (Status, Option<Reason>) {
+    match (verdict, orientation) {
+        (Verdict::Float(reason), _) => (Status::Float, Some(reason)),
+        (Verdict::Refused(reason), _) => (Status::Inconsistent, Some(reason)),
+        (Verdict::Fixed, Err(reason)) => (Status::Inconsistent, Some(*reason)),
+        (Verdict::Fixed, Ok(attitude)) => {
+            let tilted = [attitude.pitch_rad, attitude.roll_rad]
+                .into_iter()
+                .flatten()
+                .any(|angle| angle.abs() > settings.max_tilt_rad);
+            if tilted { (Status::Inconsistent, Some(Reason::Tilt)) } else { (Status::Fixed, None) }
+        }
+    }
+}

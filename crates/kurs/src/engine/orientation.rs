@@ -1,0 +1,177 @@
+//! From baselines to the angles of the body.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::array::{AntennaArray, Shape};
+use crate::attitude::angles::angle_covariance;
+use crate::attitude::joint;
+use crate::baseline::Baselines;
+use crate::frames::{Attitude, Body, Ned, Rotation, Vector, wrap_heading};
+use crate::sky::Horizon;
+use crate::solution::{AttitudeEstimate, Reason};
+
+/// A vector this close to the vertical has no heading: cos of its angle with the horizon.
+const VERTICAL: f64 = 1e-6;
+/// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
+/// freedom).
+const TWO_MINIMA_CHI2: f64 = 10.8;
+
+/// Orientation of the body: all three angles for an array that spans a plane, otherwise heading
+/// and pitch of the line of antennas.
+pub(super) fn orient(
+    baselines: &Baselines,
+    horizon: &Horizon,
+    array: Option<&AntennaArray>,
+) -> Result<AttitudeEstimate, Reason> {
+    let present = array.and_then(|array| present_part(array, baselines));
+    match present.filter(|part| part.shape() != Shape::Collinear) {
+        Some(part) => full(baselines, horizon, &part),
+        None => {
+            let ned_from_ecef = horizon.ned_from_ecef();
+            let line_ned = ned_from_ecef * baselines.vector_m(0);
+            let covariance_m2 = ned_from_ecef.turn_covariance(&baselines.block_m2(0));
+            let line_body = array.map(|array| {
+                array.positions_m()[baselines.rovers[0]] - array.positions_m()[baselines.reference]
+            });
+            let forward = Vector::new(1.0, 0.0, 0.0);
+            direction(line_ned, &covariance_m2, line_body.unwrap_or(forward))
+                .ok_or(Reason::Geometry)
+        }
+    }
+}
+
+/// The antennas that have a baseline, as an array.
+fn present_part(array: &AntennaArray, baselines: &Baselines) -> Option<AntennaArray> {
+    let all = array.positions_m();
+    let mut positions_m = vec![all[baselines.reference]];
+    positions_m.extend(baselines.rovers.iter().map(|rover| all[*rover]));
+    AntennaArray::new(positions_m).ok()
+}
+
+/// All three angles: Wahba start, Newton with the full covariance of the baselines.
+fn full(
+    baselines: &Baselines,
+    horizon: &Horizon,
+    array: &AntennaArray,
+) -> Result<AttitudeEstimate, Reason> {
+    let vectors: Vec<_> = (0..baselines.rovers.len()).map(|b| baselines.vector_m(b)).collect();
+    let solved = joint::solve(array, &vectors, &baselines.covariance_m2, TWO_MINIMA_CHI2 / 2.0)
+        .map_err(|_| Reason::Geometry)?;
+    if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
+        return Err(Reason::TwoMinima);
+    }
+    let ned_from_body: Rotation<Ned, Body> = horizon.ned_from_ecef() * solved.outside_from_body;
+    let attitude = Attitude::from_ned_from_body(&ned_from_body);
+    Ok(AttitudeEstimate {
+        heading_rad: Some(attitude.heading_rad),
+        pitch_rad: Some(attitude.pitch_rad),
+        roll_rad: Some(attitude.roll_rad),
+        covariance_rad2: angle_covariance(&attitude, &solved.covariance_body_rad2),
+        ned_from_body: Some(ned_from_body),
+    })
+}
+
+/// Heading and pitch of a body whose line of antennas points along `line_body`, taking its roll as
+/// zero: `u = Rz(h) Ry(p) e`.
+///
+/// The down component gives the pitch, `e_z cos p − e_x sin p = u_z`, the horizontal ones the
+/// heading. A line across the body says nothing of the pitch, a vertical one nothing of the
+/// heading. For a line along the body these are heading and pitch of the vector itself.
+fn direction(
+    line: Vector<Ned>,
+    covariance_m2: &Matrix3<f64>,
+    line_body: Vector<Body>,
+) -> Option<AttitudeEstimate> {
+    let v = line.xyz();
+    let (n, e, d) = (v.x, v.y, v.z);
+    let (horizontal, length) = (n.hypot(e), v.norm());
+    if horizontal <= VERTICAL * length {
+        return None;
+    }
+    // Azimuth and elevation of the line, with their derivatives by its components.
+    let elevation = (-d).atan2(horizontal);
+    let azimuth_row = Vector3::new(-e, n, 0.0) / (horizontal * horizontal);
+    let elevation_row =
+        Vector3::new(n * d / horizontal, e * d / horizontal, -horizontal) / (length * length);
+
+    let body = line_body.direction().xyz();
+    let lever = body.x.hypot(body.z);
+    // e_x sin p − e_z cos p = sin(elevation), with e_x = r cos β, −e_z = r sin β: r sin(p + β)
+    let beta = (-body.z).atan2(body.x);
+    let sine = elevation.sin() / lever;
+    let pitch = (lever > ACROSS).then(|| sine.clamp(-1.0, 1.0).asin() - beta);
+    let azimuth_body = |p: f64| body.y.atan2(body.x * p.cos() + body.z * p.sin());
+    let heading = e.atan2(n) - azimuth_body(pitch.unwrap_or(0.0));
+
+    // dp = cos(elevation) / (r cos(p + β)) d(elevation)
+    let pitch_gain = elevation.cos() / (lever * (1.0 - sine * sine).max(1e-6).sqrt());
+    let step = 1e-6;
+    let turn =
+        pitch.map_or(0.0, |p| (azimuth_body(p + step) - azimuth_body(p - step)) / (2.0 * step));
+    let pitch_row = elevation_row * if pitch.is_some() { pitch_gain } else { 0.0 };
+    let heading_row = azimuth_row - pitch_row * turn;
+    let jacobian = Matrix3::from_rows(&[
+        heading_row.transpose(),
+        pitch_row.transpose(),
+        Vector3::zeros().transpose(),
+    ]);
+    Some(AttitudeEstimate {
+        heading_rad: Some(wrap_heading(heading)),
+        pitch_rad: pitch,
+        roll_rad: None,
+        covariance_rad2: jacobian * covariance_m2 * jacobian.transpose(),
+        ned_from_body: None,
+    })
+}
+
+/// A line of antennas with less than this share of its length in the body's vertical plane lies
+/// across the body.
+const ACROSS: f64 = 0.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whatever the line's direction on the body: without roll, the angles come back, and their
+        /// variances are those of differences.
+        #[test]
+        fn direction_gives_the_angles_back(
+            heading in 0.0..6.2f64, pitch in -0.4..0.4f64,
+            y in -0.5..0.5f64, z in -0.3..0.3f64,
+        ) {
+            let line_body = Vector::<Body>::new(1.0, y, z);
+            let turn = Attitude { heading_rad: heading, pitch_rad: pitch, roll_rad: 0.0 };
+            let line = turn.ned_from_body() * line_body;
+            let covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 2e-6, 3e-6));
+            let found = direction(line, &covariance, line_body).unwrap();
+            prop_assert!((found.heading_rad.unwrap() - heading).abs() < 1e-9);
+            prop_assert!((found.pitch_rad.unwrap() - pitch).abs() < 1e-9);
+
+            let mut expected = Matrix3::<f64>::zeros();
+            for axis in 0..3 {
+                let mut moved = line.xyz();
+                moved[axis] += 1e-5;
+                let ahead = direction(Vector::from_xyz(moved), &covariance, line_body).unwrap();
+                let row = Vector3::new(
+                    ahead.heading_rad.unwrap() - heading, ahead.pitch_rad.unwrap() - pitch, 0.0,
+                ) / 1e-5;
+                expected += row * row.transpose() * covariance[(axis, axis)];
+            }
+            let error = (found.covariance_rad2 - expected).norm() / expected.norm();
+            prop_assert!(error < 1e-3, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_line_across_the_body_gives_heading_only() {
+        let right = Vector::<Body>::new(0.0, 1.0, 0.0);
+        let east = Vector::<Ned>::new(0.0, 1.0, 0.05);
+        let found = direction(east, &Matrix3::identity(), right).unwrap();
+        assert!(found.heading_rad.unwrap().abs() < 1e-12, "a body that points north");
+        assert_eq!(found.pitch_rad, None);
+        let up = Vector::<Ned>::new(0.0, 0.0, -1.0);
+        assert_eq!(direction(up, &Matrix3::identity(), right), None);
+    }
+}

@@ -1,0 +1,119 @@
+//! What the engine is told once: the array, the bands, the constraint, the limits.
+
+use crate::array::{AntennaArray, ArrayError};
+use crate::frames::{Body, Vector};
+use crate::signal::Band;
+use crate::sky::NoiseModel;
+
+/// What is known of the geometry inside the integer search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Constraint {
+    /// Nothing.
+    None,
+    /// The length of every baseline.
+    Length,
+}
+
+/// How the engine works.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Number of antennas.
+    pub antennas: usize,
+    /// Their places on the body, if known.
+    pub array: Option<AntennaArray>,
+    /// Further points of the body that are wanted.
+    pub points_m: Vec<Vector<Body>>,
+    /// Bands to use; `None`: every band that two antennas share.
+    pub bands: Option<Vec<Band>>,
+    /// Satellites below are ignored.
+    pub elevation_mask_rad: f64,
+    /// Known geometry in the integer search.
+    pub constraint: Constraint,
+    /// Standard deviation of each coordinate of the known antenna positions, m.
+    pub array_sd_m: f64,
+    /// Share of wrong fixes among fixes that acceptance keeps.
+    pub max_wrong_fix_rate: f64,
+    /// What the body cannot exceed in pitch or roll.
+    pub max_tilt_rad: f64,
+    /// Observation noise.
+    pub noise: NoiseModel,
+}
+
+/// Settings that cannot work; afterwards configuration is no longer a reason to fail.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SettingsError {
+    /// Fewer than two antennas.
+    #[error("{found} antenna, at least two are needed for an attitude")]
+    FewAntennas {
+        /// Number of antennas.
+        found: usize,
+    },
+    /// The antenna positions do not make an array.
+    #[error(transparent)]
+    Array(#[from] ArrayError),
+    /// As many positions as antennas are needed.
+    #[error("{positions} positions for {antennas} antennas")]
+    Positions {
+        /// Positions given.
+        positions: usize,
+        /// Antennas given.
+        antennas: usize,
+    },
+    /// A constraint needs the positions of the antennas.
+    #[error("a constraint needs the position of every antenna")]
+    ConstraintWithoutPositions,
+    /// A number outside its range.
+    #[error("{key} is {found}, expected {expected}")]
+    OutOfRange {
+        /// Name of the setting.
+        key: &'static str,
+        /// What was given.
+        found: f64,
+        /// What makes sense.
+        expected: &'static str,
+    },
+}
+
+impl Settings {
+    /// Checks everything that can be checked before the first epoch.
+    ///
+    /// # Errors
+    ///
+    /// [`SettingsError`] naming the first setting that cannot work.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        if self.antennas < 2 {
+            return Err(SettingsError::FewAntennas { found: self.antennas });
+        }
+        match &self.array {
+            Some(array) if array.len() != self.antennas => {
+                return Err(SettingsError::Positions {
+                    positions: array.len(),
+                    antennas: self.antennas,
+                });
+            }
+            None if self.constraint != Constraint::None => {
+                return Err(SettingsError::ConstraintWithoutPositions);
+            }
+            _ => {}
+        }
+        let within = |key, degrees_or_m: f64, range: core::ops::RangeInclusive<f64>, expected| {
+            if range.contains(&degrees_or_m) {
+                Ok(())
+            } else {
+                Err(SettingsError::OutOfRange { key, found: degrees_or_m, expected })
+            }
+        };
+        let mask_deg = self.elevation_mask_rad.to_degrees();
+        within("elevation_mask_deg", mask_deg, -5.0..=89.0, "-5 to 89 degrees")?;
+        let tilt_deg = self.max_tilt_rad.to_degrees();
+        within("max_tilt_deg", tilt_deg, 0.0..=180.0, "0 to 180 degrees")?;
+        within("array_sd_m", self.array_sd_m, 0.0..=10.0, "0 to 10 m")?;
+        within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9..=0.5, "1e-9 to 0.5")
+    }
+
+    /// Whether observations of this band are used.
+    #[must_use]
+    pub fn wants(&self, band: Band) -> bool {
+        self.bands.as_ref().is_none_or(|bands| bands.contains(&band))
+    }
+}

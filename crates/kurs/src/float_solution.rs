@@ -1,0 +1,378 @@
+//! One-epoch float solution of all baselines together.
+//!
+//! Unknowns are the corrections `x` (3k) to the approximate baselines of k rover antennas and the
+//! double-difference ambiguities `a` (n):
+//!
+//! `y_P = A_P x + e_P`,   `y_Φ = A_Φ x + Λ a + e_Φ`
+//!
+//! Every phase has an ambiguity of its own within one epoch, so the code alone determines `x̂` and
+//! the phases `â`; the integers then bring the phases into `x`.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use crate::difference::{Combination, Link, combinations, covariance};
+
+/// Observations of one group and kind in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
+#[derive(Debug, Clone)]
+struct Whitened {
+    design: DMatrix<f64>,
+    misclosure: DVector<f64>,
+}
+
+/// Phases of one group before whitening, as the integers need them.
+#[derive(Debug, Clone)]
+struct Phases {
+    factor: Cholesky<f64, Dyn>,
+    design: DMatrix<f64>,
+    misclosure_m: DVector<f64>,
+    covariance_m2: DMatrix<f64>,
+    wavelengths_m: DVector<f64>,
+    combinations: Vec<Combination>,
+    first_link: usize,
+}
+
+/// Float solution; `3k × 3k` and so on as in the module's head. Baseline blocks stand in the order
+/// of `rovers`.
+#[derive(Debug, Clone)]
+pub struct FloatSolution {
+    /// Antenna that the baselines start from.
+    pub reference: usize,
+    /// Antennas that they lead to, each a block of three unknowns.
+    pub rovers: Vec<usize>,
+    /// Corrections to the approximate baselines from code alone, ECEF, m (3k).
+    pub correction_m: DVector<f64>,
+    /// Their covariance `Q_x̂`, m² (3k × 3k).
+    pub covariance_m2: DMatrix<f64>,
+    /// Float ambiguities `â`, cycles (n).
+    pub ambiguities_cycles: DVector<f64>,
+    /// Their covariance `Q_â`, cycles² (n × n).
+    pub ambiguity_covariance: DMatrix<f64>,
+    /// Cross covariance `Q_x̂â`, m·cycles (3k × n).
+    pub cross_covariance: DMatrix<f64>,
+    /// Weighted sum of squared code residuals and its degrees of freedom.
+    pub code_fit: Fit,
+    /// Number of satellites with a double-differenced phase.
+    pub satellites: usize,
+    factors: VarianceFactors,
+    code_normal: DMatrix<f64>,
+    code_right: DVector<f64>,
+    phases: Vec<Phases>,
+}
+
+/// How well observations fit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Fit {
+    /// Weighted sum of squared residuals.
+    pub sum: f64,
+    /// Degrees of freedom.
+    pub freedom: usize,
+}
+
+/// What the a-priori variances have to be multiplied with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VarianceFactors {
+    /// Of code.
+    pub code: f64,
+    /// Of carrier phase.
+    pub phase: f64,
+}
+
+impl Fit {
+    /// Root of the sum over the degrees of freedom: 1 where the weights are right; 0 without
+    /// redundancy.
+    #[must_use]
+    pub fn unit_weight(&self) -> f64 {
+        if self.freedom == 0 { 0.0 } else { (self.sum / self.freedom as f64).sqrt() }
+    }
+}
+
+/// Baselines with integer ambiguities put in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Conditional {
+    /// Corrections to the approximate baselines, ECEF, m (3k).
+    pub correction_m: DVector<f64>,
+    /// Their covariance given the integers, m² (3k × 3k).
+    pub covariance_m2: DMatrix<f64>,
+    /// Weighted residuals of the phases.
+    pub phase_fit: Fit,
+    /// Root mean square of the double-difference phase residuals, m.
+    pub residual_rms_m: f64,
+}
+
+/// Why there is no float solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoFloat {
+    /// No satellite is seen by two antennas.
+    #[error("no satellite is seen by two antennas on one band")]
+    NoCommonSatellites,
+    /// The code observations do not determine the baselines.
+    #[error("{rows} double-differenced code observations do not determine {unknowns} coordinates")]
+    Undetermined {
+        /// Code double differences.
+        rows: usize,
+        /// Coordinates.
+        unknowns: usize,
+    },
+}
+
+impl FloatSolution {
+    /// Solves the epoch whose links stand in `groups` (ranges of `links`), for the baselines from
+    /// `reference` to `rovers`. `factors` tells how the a-priori variances of code and phase have
+    /// to be scaled, once it knows how well the code fits with them.
+    ///
+    /// # Errors
+    ///
+    /// [`NoFloat`] when the code observations do not determine every baseline.
+    pub fn solve(
+        links: &[Link],
+        groups: &[std::ops::Range<usize>],
+        reference: usize,
+        rovers: &[usize],
+        factors: impl FnOnce(Fit) -> VarianceFactors,
+    ) -> Result<Self, NoFloat> {
+        let unknowns = 3 * rovers.len();
+        let block = |antenna: usize| rovers.iter().position(|rover| *rover == antenna);
+
+        // Code: N = Σ A_Pᵀ Q_P⁻¹ A_P,  b = Σ A_Pᵀ Q_P⁻¹ y_P
+        let mut code_normal = DMatrix::zeros(unknowns, unknowns);
+        let mut code_right = DVector::zeros(unknowns);
+        let mut squares = 0.0;
+        let mut rows = 0;
+        let mut phases: Vec<Phases> = Vec::with_capacity(groups.len());
+        for range in groups {
+            let of_group = &links[range.clone()];
+            if let Some(code) = whitened_code(of_group, unknowns, block) {
+                code_normal.gemm_tr(1.0, &code.design, &code.design, 1.0);
+                code_right.gemv_tr(1.0, &code.design, &code.misclosure, 1.0);
+                squares += code.misclosure.norm_squared();
+                rows += code.misclosure.len();
+            }
+            phases.extend(group_phases(of_group, range.start, unknowns, block));
+        }
+        if rows == 0 && phases.is_empty() {
+            return Err(NoFloat::NoCommonSatellites);
+        }
+        let undetermined = NoFloat::Undetermined { rows, unknowns };
+        if rows < unknowns {
+            return Err(undetermined);
+        }
+
+        // x̂ = N⁻¹ b,  Q_x̂ = N⁻¹
+        let covariance_m2 = well_conditioned_inverse(&code_normal).ok_or(undetermined)?;
+        let correction_m = &covariance_m2 * &code_right;
+        let squares = (squares - correction_m.dot(&code_right)).max(0.0);
+        let a_priori_fit = Fit { sum: squares, freedom: rows - unknowns };
+        let factors = factors(a_priori_fit);
+
+        let satellites = satellites_with_phase(links, &phases);
+        let mut float = Self {
+            reference,
+            rovers: rovers.to_vec(),
+            correction_m,
+            covariance_m2: covariance_m2 * factors.code,
+            ambiguities_cycles: DVector::zeros(0),
+            ambiguity_covariance: DMatrix::zeros(0, 0),
+            cross_covariance: DMatrix::zeros(unknowns, 0),
+            code_fit: Fit { sum: squares / factors.code, ..a_priori_fit },
+            satellites,
+            factors,
+            code_normal: code_normal / factors.code,
+            code_right: code_right / factors.code,
+            phases,
+        };
+        float.solve_ambiguities();
+        Ok(float)
+    }
+
+    /// `â = Λ⁻¹ (y_Φ − A_Φ x̂)`, `Q_â = Λ⁻¹ (Q_Φ + A_Φ Q_x̂ A_Φᵀ) Λ⁻¹`, `Q_x̂â = −Q_x̂ A_Φᵀ Λ⁻¹`.
+    fn solve_ambiguities(&mut self) {
+        let n: usize = self.phases.iter().map(|p| p.misclosure_m.len()).sum();
+        let unknowns = self.correction_m.len();
+        let mut a_scaled = DMatrix::zeros(n, unknowns); // Λ⁻¹ A_Φ
+        self.ambiguities_cycles = DVector::zeros(n);
+        let mut row = 0;
+        for phases in &self.phases {
+            for i in 0..phases.misclosure_m.len() {
+                let wavelength_m = phases.wavelengths_m[i];
+                let design = phases.design.row(i) / wavelength_m;
+                self.ambiguities_cycles[row] =
+                    phases.misclosure_m[i] / wavelength_m - (&design * &self.correction_m)[0];
+                a_scaled.set_row(row, &design);
+                row += 1;
+            }
+        }
+        let spread = &a_scaled * &self.covariance_m2;
+        self.ambiguity_covariance = &spread * a_scaled.transpose();
+        let mut first = 0;
+        for phases in &self.phases {
+            let count = phases.misclosure_m.len();
+            for i in 0..count {
+                for j in 0..count {
+                    self.ambiguity_covariance[(first + i, first + j)] += self.factors.phase
+                        * phases.covariance_m2[(i, j)]
+                        / (phases.wavelengths_m[i] * phases.wavelengths_m[j]);
+                }
+            }
+            first += count;
+        }
+        self.cross_covariance = -spread.transpose();
+    }
+
+    /// Covariance of the baselines once the integers are known,
+    /// `Q_x|a = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹`, m²; `None` if that is singular.
+    #[must_use]
+    pub fn conditional_covariance_m2(&self) -> Option<DMatrix<f64>> {
+        let mut normal = self.code_normal.clone();
+        for phases in &self.phases {
+            let mut design = phases.design.clone();
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut design);
+            normal.gemm_tr(1.0 / self.factors.phase, &design, &design, 1.0);
+        }
+        well_conditioned_inverse(&normal)
+    }
+
+    /// The integers (cycles) that fit best to baselines known to millimetres:
+    /// `z = ⌊Λ⁻¹ (y_Φ − A_Φ x)⌉`.
+    #[must_use]
+    pub fn nearest_integers(&self, correction_m: &DVector<f64>) -> Vec<f64> {
+        let of_group = |phases: &Phases| {
+            let remaining_m = &phases.misclosure_m - &phases.design * correction_m;
+            remaining_m.component_div(&phases.wavelengths_m).map(f64::round)
+        };
+        self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
+    }
+
+    /// Baselines given integer ambiguities (n, cycles): code and phases together,
+    /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`; `None` if that is singular.
+    #[must_use]
+    pub fn conditional(&self, integers: &[f64]) -> Option<Conditional> {
+        let mut normal = self.code_normal.clone();
+        let mut right = self.code_right.clone();
+        let mut ranges_m = Vec::with_capacity(self.phases.len());
+        let mut first = 0;
+        for phases in &self.phases {
+            let count = phases.misclosure_m.len();
+            let range_m = DVector::from_fn(count, |i, _| {
+                phases.misclosure_m[i] - phases.wavelengths_m[i] * integers[first + i]
+            });
+            first += count;
+            let group = Whitened::new(&phases.factor, &phases.design, &range_m);
+            let weight = 1.0 / self.factors.phase;
+            normal.gemm_tr(weight, &group.design, &group.design, 1.0);
+            right.gemv_tr(weight, &group.design, &group.misclosure, 1.0);
+            ranges_m.push(range_m);
+        }
+        let covariance_m2 = well_conditioned_inverse(&normal)?;
+        let correction_m = &covariance_m2 * &right;
+
+        let mut phase_sum = 0.0;
+        let mut residual_squares = 0.0;
+        for (phases, range_m) in self.phases.iter().zip(&ranges_m) {
+            let residual = range_m - &phases.design * &correction_m;
+            residual_squares += residual.norm_squared();
+            phase_sum += phases.factor.l_dirty().solve_lower_triangular(&residual)?.norm_squared();
+        }
+        let unknowns = self.correction_m.len();
+        Some(Conditional {
+            correction_m,
+            covariance_m2,
+            phase_fit: Fit {
+                sum: phase_sum / self.factors.phase,
+                freedom: first.saturating_sub(unknowns),
+            },
+            residual_rms_m: (residual_squares / first.max(1) as f64).sqrt(),
+        })
+    }
+}
+
+impl Whitened {
+    fn new(factor: &Cholesky<f64, Dyn>, design: &DMatrix<f64>, misclosure: &DVector<f64>) -> Self {
+        let mut whitened = Self { design: design.clone(), misclosure: misclosure.clone() };
+        factor.l_dirty().solve_lower_triangular_mut(&mut whitened.design);
+        factor.l_dirty().solve_lower_triangular_mut(&mut whitened.misclosure);
+        whitened
+    }
+}
+
+/// Whitened code double differences of one group.
+fn whitened_code(
+    links: &[Link],
+    unknowns: usize,
+    block: impl Fn(usize) -> Option<usize>,
+) -> Option<Whitened> {
+    let rows = combinations(links, |link| link.code_m.is_some());
+    let q = covariance(&rows, |edge| links[edge].variances.code_m2);
+    let factor = q.cholesky().filter(|_| !rows.is_empty())?;
+    let (design, misclosure) = equations(links, &rows, unknowns, block, |link| link.code_m);
+    Some(Whitened::new(&factor, &design, &misclosure))
+}
+
+/// Phase double differences of one group.
+fn group_phases(
+    links: &[Link],
+    first_link: usize,
+    unknowns: usize,
+    block: impl Fn(usize) -> Option<usize>,
+) -> Option<Phases> {
+    let rows = combinations(links, |link| link.phase_m.is_some());
+    let covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
+    let factor = covariance_m2.clone().cholesky().filter(|_| !rows.is_empty())?;
+    let (design, misclosure_m) = equations(links, &rows, unknowns, block, |link| link.phase_m);
+    let wavelengths_m = DVector::from_fn(rows.len(), |i, _| links[rows[i][0].0].wavelength_m);
+    Some(Phases {
+        factor,
+        design,
+        misclosure_m,
+        covariance_m2,
+        wavelengths_m,
+        combinations: rows,
+        first_link,
+    })
+}
+
+/// Design matrix and misclosures of combinations: signed sums of the links' gradients, each in the
+/// block of its antenna (the reference antenna has none), and values.
+fn equations(
+    links: &[Link],
+    rows: &[Combination],
+    unknowns: usize,
+    block: impl Fn(usize) -> Option<usize>,
+    value: impl Fn(&Link) -> Option<f64>,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let mut design = DMatrix::zeros(rows.len(), unknowns);
+    let mut misclosure = DVector::zeros(rows.len());
+    for (i, row) in rows.iter().enumerate() {
+        for (edge, sign) in row {
+            let link = &links[*edge];
+            misclosure[i] += sign * value(link).unwrap_or(0.0);
+            if let Some(block) = block(link.antenna) {
+                for axis in 0..3 {
+                    design[(i, 3 * block + axis)] += sign * link.gradient[axis];
+                }
+            }
+        }
+    }
+    (design, misclosure)
+}
+
+fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {
+    let mut satellites: Vec<_> = phases
+        .iter()
+        .flat_map(|p| {
+            p.combinations.iter().flatten().map(|(e, _)| links[p.first_link + e].satellite)
+        })
+        .collect();
+    satellites.sort_unstable();
+    satellites.dedup();
+    satellites.len()
+}
+
+/// Inverse of a normal matrix, unless its directions differ so much in strength that one of them is
+/// not determined.
+fn well_conditioned_inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const WEAKEST: f64 = 1e-10;
+    let factor = normal.clone().cholesky()?;
+    let diagonal = factor.l_dirty().diagonal();
+    let (least, most) = (diagonal.min(), diagonal.max());
+    (least * least > WEAKEST * most * most).then(|| factor.inverse())
+}

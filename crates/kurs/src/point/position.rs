@@ -1,0 +1,357 @@
+//! Iterated weighted least squares for position, clock and inter-system biases.
+//!
+//! Model (seed 004, equations 1-14 with their errata), for satellite `s` of system `k`:
+//!
+//! `P = |xₛ − x| + c (δt + Bₖ) − c δtₛ + I + T`,    `B` of the first system present = 0
+//!
+//! with the row `[−uᵀ, 1, …, 1 (its system), …]` and the weights `1/σ²` of the noise model, the
+//! broadcast orbit and what remains of the atmosphere.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+use super::track::Tracked;
+use crate::atmosphere::{Troposphere, ionosphere_m};
+use crate::ephemeris::{IonosphereParameters, NavigationData};
+use crate::frames::{Ecef, Vector};
+use crate::signal::{SPEED_OF_LIGHT_MPS, Satellite, System};
+use crate::sky::{Dop, Horizon, NoiseModel, View};
+use crate::time::GpsTime;
+
+/// Position, clock and one bias for each further system.
+const UNKNOWNS: usize = 4 + SYSTEMS - 1;
+const SYSTEMS: usize = System::ALL.len();
+type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Unknowns = SVector<f64, UNKNOWNS>;
+
+/// From the Earth's centre five steps are enough; faulty observations may need a few more.
+const MAX_ITERATIONS: usize = 15;
+/// A step below this ends the iteration.
+const CONVERGED_M: f64 = 1e-4;
+/// Steps below this are near enough for directions, weights and atmosphere to mean something.
+const ROUGH_M: f64 = 1e4;
+/// Farther from the Earth's centre than any receiver below the satellites' orbits.
+const MAX_RADIUS_M: f64 = 2.0e7;
+/// At most this many satellites are excluded as faulty.
+const MAX_EXCLUSIONS: usize = 3;
+
+/// What the position depends on besides the observations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointSettings {
+    /// Satellites below are ignored.
+    pub elevation_mask_rad: f64,
+    /// Code noise.
+    pub noise: NoiseModel,
+}
+
+/// A satellite that was left out because its residual did not fit the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exclusion {
+    /// The satellite.
+    pub satellite: Satellite,
+    /// Its residual against the others, m.
+    pub residual_m: f64,
+}
+
+/// Position, clock and what they rest on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointSolution {
+    /// Antenna, ECEF, m.
+    pub position_m: Vector<Ecef>,
+    /// Covariance of the position, ECEF, m².
+    pub covariance_m2: Matrix3<f64>,
+    /// Receiver clock against GPST by the first system present: tag − true time, times c, m.
+    pub clock_m: f64,
+    /// Further systems' clocks against that, m, in the order of [`System::ALL`].
+    pub inter_system_m: [Option<f64>; SYSTEMS],
+    /// Geometry of the satellites used.
+    pub dop: Dop,
+    /// Local level axes at the antenna.
+    pub horizon: Horizon,
+    /// Number of satellites used.
+    pub satellites: usize,
+    /// Satellites excluded as faulty.
+    pub exclusions: Vec<Exclusion>,
+    /// Root mean square of the code residuals over their standard deviations.
+    pub unit_weight_rms: f64,
+}
+
+/// Why there is no position.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum NoPosition {
+    /// Fewer satellites than unknowns.
+    #[error("{have} satellites above the mask, {need} are needed")]
+    FewSatellites {
+        /// Usable satellites.
+        have: usize,
+        /// Unknowns: three coordinates and one clock for each system.
+        need: usize,
+    },
+    /// The satellites stand so that they do not determine a position.
+    #[error("the geometry of the satellites is singular")]
+    Singular,
+    /// The iteration does not settle, or settles far from the Earth.
+    #[error("the iteration does not converge to a place near the Earth")]
+    Diverged,
+}
+
+/// One satellite's part in the least squares at the current position.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    line_of_sight: Vector3<f64>,
+    system: usize,
+    misclosure_m: f64,
+    weight: f64,
+}
+
+/// Solves for the antenna's position from the Earth's centre, and excludes faulty satellites.
+///
+/// # Errors
+///
+/// [`NoPosition`] when the satellites are too few, badly placed or contradictory.
+pub fn solve(
+    tracked: &[Tracked],
+    navigation: &NavigationData,
+    time: GpsTime,
+    settings: &PointSettings,
+) -> Result<PointSolution, NoPosition> {
+    let mut fit = Fit::new(tracked, &navigation.ionosphere, time, settings);
+    fit.converge()?;
+    let mut exclusions = Vec::new();
+    while let Some(suspect) = fit.worst_if_inconsistent() {
+        if exclusions.len() == MAX_EXCLUSIONS {
+            break;
+        }
+        let before = fit.clone();
+        fit.excluded.push(suspect.satellite);
+        if fit.converge().is_err() || fit.unit_weight_rms() > 0.8 * before.unit_weight_rms() {
+            // Leaving this one out does not explain the misfit: keep the honest larger residuals.
+            fit = before;
+            break;
+        }
+        exclusions.push(suspect);
+    }
+    fit.solution(exclusions)
+}
+
+/// The state of the iteration.
+#[derive(Clone)]
+struct Fit<'a> {
+    tracked: &'a [Tracked],
+    ionosphere: &'a IonosphereParameters,
+    time: GpsTime,
+    settings: &'a PointSettings,
+    excluded: Vec<Satellite>,
+    position_m: Vector3<f64>,
+    /// Clock of each system present, m.
+    clocks_m: [f64; SYSTEMS],
+    /// Whether the position is near enough for directions to mean something.
+    near: bool,
+    rows: Vec<(Row, Satellite)>,
+    cofactor: Normal,
+}
+
+impl<'a> Fit<'a> {
+    fn new(
+        tracked: &'a [Tracked],
+        ionosphere: &'a IonosphereParameters,
+        time: GpsTime,
+        settings: &'a PointSettings,
+    ) -> Self {
+        Self {
+            tracked,
+            ionosphere,
+            time,
+            settings,
+            excluded: Vec::new(),
+            position_m: Vector3::zeros(),
+            clocks_m: [0.0; SYSTEMS],
+            near: false,
+            rows: Vec::with_capacity(tracked.len()),
+            cofactor: Normal::zeros(),
+        }
+    }
+
+    /// Gauss-Newton from where it stands until the step is small.
+    fn converge(&mut self) -> Result<(), NoPosition> {
+        for _ in 0..MAX_ITERATIONS {
+            self.form_rows();
+            let step_m = self.step()?;
+            let was_near = self.near;
+            self.near = step_m < ROUGH_M;
+            if was_near && step_m < CONVERGED_M {
+                let plausible = self.position_m.norm() < MAX_RADIUS_M;
+                return if plausible { Ok(()) } else { Err(NoPosition::Diverged) };
+            }
+        }
+        Err(NoPosition::Diverged)
+    }
+
+    /// Misclosures `P_measured − P_computed` and weights at the current position.
+    fn form_rows(&mut self) {
+        self.rows.clear();
+        let antenna_m = Vector::from_xyz(self.position_m);
+        let surroundings = self.near.then(|| Surroundings::at(antenna_m));
+        for satellite in self.tracked.iter().filter(|t| !self.excluded.contains(&t.satellite)) {
+            let view = View::new(&satellite.state, antenna_m);
+            let system = satellite.satellite.system as usize;
+            let modelled = match &surroundings {
+                Some(here) => here.model(satellite, &view, self),
+                None => Some(Modelled { delay_m: 0.0, variance_m2: 1.0 }),
+            };
+            let Some(Modelled { delay_m, variance_m2 }) = modelled else { continue };
+            let computed_m = view.range_m + self.clocks_m[system]
+                - SPEED_OF_LIGHT_MPS * satellite.state.clock_s
+                + delay_m;
+            let row = Row {
+                line_of_sight: view.line_of_sight.xyz(),
+                system,
+                misclosure_m: satellite.pseudorange_m - computed_m,
+                weight: 1.0 / variance_m2,
+            };
+            self.rows.push((row, satellite.satellite));
+        }
+    }
+
+    /// One step `(Gᵀ W G)⁻¹ Gᵀ W (P_measured − P_computed)`; returns its length in space.
+    fn step(&mut self) -> Result<f64, NoPosition> {
+        let present = self.systems_present();
+        let need = 3 + present.iter().filter(|p| **p).count();
+        if self.rows.len() < need.max(4) {
+            return Err(NoPosition::FewSatellites { have: self.rows.len(), need: need.max(4) });
+        }
+        let mut normal = Normal::zeros();
+        let mut right = Unknowns::zeros();
+        for (row, _) in &self.rows {
+            let clock = 3 + row.system;
+            let mut g = Unknowns::zeros();
+            g.fixed_rows_mut::<3>(0).copy_from(&-row.line_of_sight);
+            g[clock] = 1.0;
+            for i in [0, 1, 2, clock] {
+                for j in [0, 1, 2, clock] {
+                    normal[(i, j)] += row.weight * g[i] * g[j];
+                }
+                right[i] += row.weight * g[i] * row.misclosure_m;
+            }
+        }
+        for (system, present) in present.iter().enumerate() {
+            if !present {
+                normal[(3 + system, 3 + system)] = 1.0;
+            }
+        }
+        self.cofactor = normal.cholesky().ok_or(NoPosition::Singular)?.inverse();
+        let step = self.cofactor * right;
+        self.position_m += step.fixed_rows::<3>(0);
+        for system in 0..SYSTEMS {
+            self.clocks_m[system] += step[3 + system];
+        }
+        let length_m = step.fixed_rows::<3>(0).norm();
+        if length_m.is_finite() { Ok(length_m) } else { Err(NoPosition::Diverged) }
+    }
+
+    fn systems_present(&self) -> [bool; SYSTEMS] {
+        let mut present = [false; SYSTEMS];
+        for (row, _) in &self.rows {
+            present[row.system] = true;
+        }
+        present
+    }
+
+    fn redundancy(&self) -> usize {
+        let unknowns = 3 + self.systems_present().iter().filter(|p| **p).count();
+        self.rows.len().saturating_sub(unknowns)
+    }
+
+    fn unit_weight_rms(&self) -> f64 {
+        let sum: f64 = self.rows.iter().map(|(r, _)| r.weight * r.misclosure_m.powi(2)).sum();
+        match self.redundancy() {
+            0 => 0.0,
+            redundancy => (sum / redundancy as f64).sqrt(),
+        }
+    }
+
+    /// The satellite with the largest normalised residual, if the residuals as a whole are larger
+    /// than their weights allow and one exclusion leaves something to judge it by.
+    fn worst_if_inconsistent(&self) -> Option<Exclusion> {
+        // Code noise is neither white nor Gaussian: the global test only has to catch faults that
+        // dominate, so the threshold stands at three times the expected level.
+        if self.redundancy() < 2 || self.unit_weight_rms() < 3.0 {
+            return None;
+        }
+        let normalised = |row: &Row| {
+            let mut g = Unknowns::zeros();
+            g.fixed_rows_mut::<3>(0).copy_from(&-row.line_of_sight);
+            g[3 + row.system] = 1.0;
+            // var(v) = σ² − g Q gᵀ
+            let variance_m2 = 1.0 / row.weight - (g.transpose() * self.cofactor * g)[0];
+            row.misclosure_m.abs() / variance_m2.max(1e-6 / row.weight).sqrt()
+        };
+        let (row, satellite) =
+            self.rows.iter().max_by(|(a, _), (b, _)| normalised(a).total_cmp(&normalised(b)))?;
+        Some(Exclusion { satellite: *satellite, residual_m: row.misclosure_m })
+    }
+
+    fn solution(&self, exclusions: Vec<Exclusion>) -> Result<PointSolution, NoPosition> {
+        let position_m = Vector::from_xyz(self.position_m);
+        let horizon = Horizon::at(position_m);
+        let sky = self.rows.iter().map(|(row, _)| Vector::from_xyz(row.line_of_sight));
+        let dop = Dop::new(sky, &horizon).ok_or(NoPosition::Singular)?;
+        let present = self.systems_present();
+        let first = present.iter().position(|p| *p).ok_or(NoPosition::Singular)?;
+        let clock_m = self.clocks_m[first];
+        let inter_system_m =
+            core::array::from_fn(|k| present[k].then(|| self.clocks_m[k] - clock_m));
+        Ok(PointSolution {
+            position_m,
+            covariance_m2: self.cofactor.fixed_view::<3, 3>(0, 0).into_owned(),
+            clock_m,
+            inter_system_m,
+            dop,
+            horizon,
+            satellites: self.rows.len(),
+            exclusions,
+            unit_weight_rms: self.unit_weight_rms(),
+        })
+    }
+}
+
+/// What surrounds the antenna at the current position.
+struct Surroundings {
+    horizon: Horizon,
+    troposphere: Troposphere,
+}
+
+/// Atmospheric delay of one observation, and the variance of its misclosure.
+struct Modelled {
+    delay_m: f64,
+    variance_m2: f64,
+}
+
+impl Surroundings {
+    fn at(antenna_m: Vector<Ecef>) -> Self {
+        let horizon = Horizon::at(antenna_m);
+        Self { horizon, troposphere: Troposphere::above(&horizon.geodetic) }
+    }
+
+    /// Delays and variance; `None` below the mask.
+    fn model(&self, satellite: &Tracked, view: &View, fit: &Fit<'_>) -> Option<Modelled> {
+        let direction = self.horizon.direction(view.line_of_sight);
+        if direction.elevation_rad
+            < self.horizon.lowest_elevation_rad(fit.settings.elevation_mask_rad)
+        {
+            return None;
+        }
+        let geodetic = &self.horizon.geodetic;
+        let ionosphere_m =
+            ionosphere_m(fit.ionosphere, geodetic, &direction, fit.time, satellite.frequency_hz);
+        let troposphere_m = self.troposphere.delay_m(direction.elevation_rad);
+        let noise = fit.settings.noise;
+        let code = noise.variances(satellite.band, direction.elevation_rad, satellite.cn0_dbhz);
+        // Klobuchar's model leaves about half of the ionosphere, a standard atmosphere some
+        // centimetres at the zenith.
+        let remaining_m2 = (0.5 * ionosphere_m).powi(2) + (0.05 * troposphere_m).powi(2);
+        Some(Modelled {
+            delay_m: ionosphere_m + troposphere_m,
+            variance_m2: code.code_m2 + satellite.state.sigma_m.powi(2) + remaining_m2,
+        })
+    }
+}

@@ -1,0 +1,264 @@
+//! Where the satellites stand in an antenna's sky, and how noisy their signals are there.
+
+use nalgebra::{Matrix4, Vector4};
+
+use crate::ephemeris::SatelliteState;
+use crate::frames::{EARTH_RATE_RADPS, Ecef, Geodetic, Ned, Rotation, Vector, WGS84_A_M};
+use crate::signal::{Band, SPEED_OF_LIGHT_MPS, System};
+
+/// Rays that pass the Earth lower than this are bent and delayed too much to be used, m.
+const ATMOSPHERE_M: f64 = 50e3;
+
+/// A satellite as seen from an antenna at the instant of reception.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Satellite at transmission, in the Earth-fixed axes of the instant of reception, m.
+    pub satellite_m: Vector<Ecef>,
+    /// Its velocity in the same axes, m/s.
+    pub velocity_mps: Vector<Ecef>,
+    /// Unit vector from the antenna to the satellite.
+    pub line_of_sight: Vector<Ecef>,
+    /// Geometric distance, m.
+    pub range_m: f64,
+}
+
+/// Direction in the local level axes of an antenna.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direction {
+    /// Clockwise from north.
+    pub azimuth_rad: f64,
+    /// Above the horizon.
+    pub elevation_rad: f64,
+}
+
+/// The horizon of an antenna: its geodetic coordinates and local level axes, computed once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Horizon {
+    /// Where the antenna is.
+    pub geodetic: Geodetic,
+    ned_from_ecef: Rotation<Ned, Ecef>,
+}
+
+/// Dilution of precision: geometry factors, unweighted, no unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dop {
+    /// Geometry (position and clock).
+    pub gdop: f64,
+    /// Position.
+    pub pdop: f64,
+    /// Horizontal.
+    pub hdop: f64,
+    /// Vertical.
+    pub vdop: f64,
+    /// Time.
+    pub tdop: f64,
+}
+
+impl View {
+    /// View of a satellite in `state` from an antenna at `antenna_m`.
+    ///
+    /// The state is in the Earth-fixed axes of the instant of transmission; while the signal
+    /// travels for `τ = ρ / c` these axes turn by `Ω τ` about z.
+    #[must_use]
+    pub fn new(state: &SatelliteState, antenna_m: Vector<Ecef>) -> Self {
+        let mut satellite_m = state.position_m;
+        let mut turn_rad = 0.0;
+        // ρ changes by < 1 µm after the second pass
+        for _ in 0..2 {
+            turn_rad = EARTH_RATE_RADPS * (satellite_m - antenna_m).norm() / SPEED_OF_LIGHT_MPS;
+            satellite_m = turned(state.position_m, turn_rad);
+        }
+        let difference = satellite_m - antenna_m;
+        let range_m = difference.norm();
+        Self {
+            satellite_m,
+            velocity_mps: turned(state.velocity_mps, turn_rad),
+            line_of_sight: difference * (1.0 / range_m),
+            range_m,
+        }
+    }
+}
+
+/// Components after the axes have turned by a small angle about z.
+fn turned(vector: Vector<Ecef>, angle_rad: f64) -> Vector<Ecef> {
+    let (sin, cos) = angle_rad.sin_cos();
+    let v = vector.xyz();
+    Vector::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
+}
+
+impl Horizon {
+    /// The horizon at an ECEF position (m).
+    #[must_use]
+    pub fn at(antenna_m: Vector<Ecef>) -> Self {
+        let geodetic = Geodetic::from_ecef(antenna_m);
+        Self { geodetic, ned_from_ecef: geodetic.ned_from_ecef() }
+    }
+
+    /// Rotation from ECEF to the local level axes.
+    #[must_use]
+    pub fn ned_from_ecef(&self) -> Rotation<Ned, Ecef> {
+        self.ned_from_ecef
+    }
+
+    /// Azimuth and elevation of a line of sight (unit vector).
+    #[must_use]
+    pub fn direction(&self, line_of_sight: Vector<Ecef>) -> Direction {
+        let ned = (self.ned_from_ecef * line_of_sight).xyz();
+        Direction {
+            azimuth_rad: ned.y.atan2(ned.x),
+            elevation_rad: (-ned.z).atan2(ned.x.hypot(ned.y)),
+        }
+    }
+
+    /// The lowest elevation at which signals are used: the mask, but for a body in space the edge
+    /// of the Earth with its atmosphere, which stands below its horizon.
+    #[must_use]
+    pub fn lowest_elevation_rad(&self, mask_rad: f64) -> f64 {
+        let radius_m = WGS84_A_M + self.geodetic.height_m;
+        let edge_m = WGS84_A_M + ATMOSPHERE_M;
+        if radius_m <= edge_m { mask_rad } else { -(edge_m / radius_m).acos() }
+    }
+}
+
+impl Dop {
+    /// From the lines of sight of the satellites used, `H = [−u 1]`, `(HᵀH)⁻¹` in local level axes;
+    /// `None` for a singular geometry.
+    pub fn new(
+        lines_of_sight: impl Iterator<Item = Vector<Ecef>>,
+        horizon: &Horizon,
+    ) -> Option<Self> {
+        let mut normal = Matrix4::<f64>::zeros();
+        for line_of_sight in lines_of_sight {
+            let ned = (horizon.ned_from_ecef * line_of_sight).xyz();
+            let row = Vector4::new(-ned.x, -ned.y, -ned.z, 1.0);
+            normal += row * row.transpose();
+        }
+        let q = normal.cholesky()?.inverse();
+        let (horizontal, vertical, time) = (q[(0, 0)] + q[(1, 1)], q[(2, 2)], q[(3, 3)]);
+        Some(Self {
+            gdop: (horizontal + vertical + time).sqrt(),
+            pdop: (horizontal + vertical).sqrt(),
+            hdop: horizontal.sqrt(),
+            vdop: vertical.sqrt(),
+            tdop: time.sqrt(),
+        })
+    }
+}
+
+/// Standard deviations of one undifferenced observation, as a function of elevation and C/N0:
+///
+/// `σ² = f² σ₀² / sin²(el) · 10^(max(0, C₀ − C/N0) / 10)`
+///
+/// with one zenith value `σ₀` for code and one for phase, and a factor `f` for the band. Where a
+/// receiver gives no C/N0 only the elevation counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NoiseModel {
+    /// Code at the zenith, m.
+    pub code_zenith_m: f64,
+    /// Carrier phase at the zenith, m.
+    pub phase_zenith_m: f64,
+    /// C/N0 above which noise does not shrink any more, dB-Hz.
+    pub full_cn0_dbhz: f64,
+}
+
+/// Variances of code (m²) and phase (m²) of one observation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Variances {
+    /// Code, m².
+    pub code_m2: f64,
+    /// Carrier phase, m².
+    pub phase_m2: f64,
+}
+
+impl NoiseModel {
+    /// Variances of an observation of `band` at `elevation_rad` with this C/N0.
+    #[must_use]
+    pub fn variances(&self, band: Band, elevation_rad: f64, cn0_dbhz: Option<f64>) -> Variances {
+        // Below 5° the 1/sin law has no measured support; it also must not reach zero.
+        let sin_elevation = elevation_rad.sin().max(0.087);
+        let missing_db = cn0_dbhz.map_or(0.0, |cn0| (self.full_cn0_dbhz - cn0).clamp(0.0, 25.0));
+        let scale = 10f64.powf(missing_db / 10.0) / (sin_elevation * sin_elevation);
+        let code = code_factor(band) * self.code_zenith_m;
+        Variances {
+            code_m2: code * code * scale,
+            phase_m2: self.phase_zenith_m * self.phase_zenith_m * scale,
+        }
+    }
+}
+
+/// Code noise of a band against GPS L1 C/A: GLONASS FDMA code has half the chip rate.
+fn code_factor(band: Band) -> f64 {
+    match band.system {
+        System::Glonass => 2.0,
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ephemeris::SatelliteState;
+
+    fn overhead() -> SatelliteState {
+        SatelliteState {
+            position_m: Vector::new(26_560e3, 0.0, 0.0),
+            velocity_mps: Vector::new(0.0, 3_000.0, 0.0),
+            clock_s: 0.0,
+            clock_drift: 0.0,
+            sigma_m: 2.0,
+        }
+    }
+
+    /// On the equator a signal from the zenith travels for 67 ms; the antenna moves 31 m east in
+    /// that time, so in the axes of reception the satellite stands 130 m west of the zenith.
+    #[test]
+    fn earth_turns_while_the_signal_travels() {
+        let antenna_m = Vector::new(6_378_137.0, 0.0, 0.0);
+        let view = View::new(&overhead(), antenna_m);
+        let travel_s = (26_560e3 - 6_378_137.0) / SPEED_OF_LIGHT_MPS;
+        let expected_m = -EARTH_RATE_RADPS * travel_s * 26_560e3;
+        assert!((view.satellite_m.xyz().y - expected_m).abs() < 1e-3);
+        assert!((expected_m + 130.4).abs() < 0.1);
+    }
+
+    #[test]
+    fn directions_in_the_sky() {
+        let horizon = Horizon::at(Geodetic::from_degrees(50.0, 10.0, 0.0).to_ecef());
+        let ecef_from_ned = horizon.geodetic.ecef_from_ned();
+        let up = horizon.direction(ecef_from_ned * Vector::new(0.0, 0.0, -1.0));
+        assert!((up.elevation_rad.to_degrees() - 90.0).abs() < 1e-6);
+        let east = horizon.direction(ecef_from_ned * Vector::new(0.0, 1.0, 0.0));
+        assert!((east.azimuth_rad.to_degrees() - 90.0).abs() < 1e-12);
+        assert!(east.elevation_rad.abs() < 1e-12);
+    }
+
+    /// Four satellites: one at the zenith, three on the horizon 120° apart. By hand:
+    /// HᵀH = diag(1.5, 1.5) for the horizontal, [[1, 1], [1, 4]] for up and clock.
+    #[test]
+    fn dop_of_a_known_sky() {
+        let horizon = Horizon::at(Geodetic::from_degrees(0.0, 0.0, 0.0).to_ecef());
+        let ecef_from_ned = horizon.geodetic.ecef_from_ned();
+        let third = std::f64::consts::TAU / 3.0;
+        let mut sky = vec![ecef_from_ned * Vector::new(0.0, 0.0, -1.0)];
+        sky.extend((0..3).map(|i| {
+            let azimuth = third * f64::from(i);
+            ecef_from_ned * Vector::new(azimuth.cos(), azimuth.sin(), 0.0)
+        }));
+        let dop = Dop::new(sky.into_iter(), &horizon).unwrap();
+        assert!((dop.hdop - (4.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert!((dop.vdop - (4.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert!((dop.tdop - (1.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        let two = [Vector::new(1.0, 0.0, 0.0); 2];
+        assert_eq!(Dop::new(two.into_iter(), &horizon), None);
+    }
+
+    #[test]
+    fn noise_grows_towards_the_horizon_and_with_weak_signals() {
+        let model = NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
+        let l1 = Band::new(System::Gps, 1);
+        let at = |el: f64, cn0| model.variances(l1, el.to_radians(), cn0).code_m2.sqrt();
+        assert!((at(90.0, None) - 0.3).abs() < 1e-12);
+        assert!((at(30.0, Some(50.0)) - 0.6).abs() < 1e-12);
+        assert!((at(90.0, Some(35.0)) - 0.3 * 10f64.sqrt()).abs() < 1e-12);
+    }
+}
