@@ -2,6 +2,8 @@
 //! ([`config_file`]), outputs that are never half written ([`output`]) and exit statuses
 //! ([`failure`]).
 
+#![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
+
 mod config_file;
 mod failure;
 mod output;
