@@ -69,3 +69,81 @@ fn squared_ratio(band: Band) -> Option<f64> {
     let first = Band::new(band.system, 1).frequency_hz(None)?;
     Some((first / band.frequency_hz(None)?).powi(2))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample::{beidou_geo, galileo, gps};
+    use super::*;
+    use crate::signal::System;
+
+    const C: f64 = SPEED_OF_LIGHT_MPS;
+
+    fn ionosphere_free(first: f64, second: f64, ratio: f64) -> f64 {
+        // (P₂ − γ P₁) / (1 − γ)
+        (second - ratio * first) / (1.0 - ratio)
+    }
+
+    #[test]
+    fn the_combination_of_the_clock_has_no_delay() {
+        let delay = |elements: KeplerElements, digit: u8, attribute: u8| {
+            let signal = Signal::new(elements.satellite.system, digit, attribute);
+            elements.group_delay_m(signal).unwrap()
+        };
+        let gamma = (154.0f64 / 120.0).powi(2);
+        let l1_l2 = ionosphere_free(delay(gps(), 1, b'C'), delay(gps(), 2, b'W'), gamma);
+        assert!(l1_l2.abs() < 1e-12, "{l1_l2}");
+
+        let fnav = KeplerElements { message: Message::GalileoFnav, ..galileo() };
+        let gamma = (154.0f64 / 115.0).powi(2);
+        let e1_e5a = ionosphere_free(delay(fnav, 1, b'C'), delay(fnav, 5, b'Q'), gamma);
+        assert!(e1_e5a.abs() < 1e-12, "{e1_e5a}");
+
+        let gamma = (154.0f64 / 118.0).powi(2);
+        let e1_e5b = ionosphere_free(delay(galileo(), 1, b'C'), delay(galileo(), 7, b'Q'), gamma);
+        assert!(e1_e5b.abs() < 1e-12, "{e1_e5b}");
+
+        assert_eq!(delay(beidou_geo(), 6, b'I'), 0.0);
+        assert_eq!(delay(beidou_geo(), 2, b'I'), C * 1e-10);
+        assert_eq!(delay(beidou_geo(), 7, b'I'), C * -9.3e-9);
+    }
+
+    /// BGD is defined by the delays of two signals, so their difference does not depend on the
+    /// message.
+    #[test]
+    fn e5a_against_e1_is_the_same_on_both_clocks() {
+        let inav = galileo();
+        let fnav = KeplerElements { message: Message::GalileoFnav, ..inav };
+        let [e1, e5a] =
+            [Signal::new(System::Galileo, 1, b'C'), Signal::new(System::Galileo, 5, b'Q')];
+        let apart =
+            |e: KeplerElements| e.group_delay_m(e5a).unwrap() - e.group_delay_m(e1).unwrap();
+        assert!((apart(inav) - apart(fnav)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_the_message_does_not_tell() {
+        for (elements, digit, attribute) in [
+            (gps(), 5, b'Q'),
+            (galileo(), 6, b'C'),
+            (beidou_geo(), 1, b'P'),
+            (beidou_geo(), 7, b'D'),
+        ] {
+            let signal = Signal::new(elements.satellite.system, digit, attribute);
+            assert_eq!(elements.group_delay_m(signal), None, "{signal}");
+        }
+        assert_eq!(gps().group_delay_m(Signal::new(System::Galileo, 1, b'C')), None);
+    }
+
+    #[test]
+    fn galileo_health_is_per_signal() {
+        let [e1, e5a, e5b] = [1, 5, 7].map(|digit| Signal::new(System::Galileo, digit, b'Q'));
+        let marked = |health| KeplerElements { health, ..galileo() };
+        let health = |e: KeplerElements| [e1, e5a, e5b].map(|signal| e.is_healthy(signal));
+        assert_eq!(health(marked(0)), [true; 3]);
+        assert_eq!(health(marked(0b10_1000)), [true, false, true]);
+        assert_eq!(health(marked(0b1_0000_0001)), [false, true, false]);
+        assert!(marked(0b10_1000).is_usable());
+        assert!(!marked(0b10).is_usable());
+        assert!(!KeplerElements { health: 63, ..gps() }.is_usable());
+    }
+}

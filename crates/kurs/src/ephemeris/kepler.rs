@@ -390,3 +390,128 @@ fn eccentric_anomaly(mean_anomaly: f64, eccentricity: f64) -> f64 {
     }
     anomaly
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sample::{beidou_geo, galileo, gps};
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ephemeris(elements: KeplerElements) -> KeplerEphemeris {
+        KeplerEphemeris::new(elements).unwrap()
+    }
+
+    /// Positions and clocks that RTKLIB 2.4.3 (`eph2pos`, pyrtklib 0.2.7) computes from the same
+    /// records, 2500 s after their reference times.
+    #[test]
+    fn as_rtklib_computes_it() {
+        let cases = [
+            (
+                gps(),
+                [26_465_625.336_18, 3_897_152.179_04, -1_272_861.898_69],
+                -2.219_560_832_050_842e-4,
+            ),
+            (
+                galileo(),
+                [-2_613_909.048_6, 25_784_173.488_57, 14_279_974.783_83],
+                5.738_391_091_318_106e-3,
+            ),
+            (
+                beidou_geo(),
+                [21_875_118.939_91, 36_011_951.330_05, -1_036_556.172_38],
+                -5.163_528_900_853_255e-4,
+            ),
+        ];
+        for (elements, [x, y, z], clock_s) in cases {
+            let state = ephemeris(elements).state(elements.reference_time + 2500.0);
+            let apart_m = (state.position_m - Vector::new(x, y, z)).norm();
+            assert!(apart_m < 2e-5, "{}: {apart_m} m", elements.satellite);
+            assert!((state.clock_s - clock_s).abs() < 1e-14, "{}", elements.satellite);
+        }
+    }
+
+    #[test]
+    fn velocity_and_drift_are_rates() {
+        let eccentric = KeplerElements { eccentricity: 0.2, ..gps() };
+        for elements in [gps(), galileo(), beidou_geo(), eccentric] {
+            let ephemeris = ephemeris(elements);
+            for age_s in [-7200.0, -10.0, 0.0, 1234.5, 7200.0] {
+                let time = elements.reference_time + age_s;
+                let at = |offset_s: f64| ephemeris.state(time + offset_s);
+                let (after, now, before) = (at(0.5), at(0.0), at(-0.5));
+                let apart = (after.position_m - before.position_m - now.velocity_mps).norm();
+                assert!(apart < 1e-5, "{} {age_s}: {apart} m/s", elements.satellite);
+                let drift = after.clock_s - before.clock_s;
+                assert!((drift - now.clock_drift).abs() < 1e-17, "{drift}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_geostationary_satellite_nearly_stands() {
+        let state = ephemeris(beidou_geo()).state(beidou_geo().reference_time + 600.0);
+        assert!((state.position_m.norm() - 42_164e3).abs() < 50e3);
+        assert!(state.velocity_mps.norm() < 200.0, "{}", state.velocity_mps.norm());
+    }
+
+    /// The same orbit described from a reference time in the next week.
+    #[test]
+    fn the_week_boundary_is_crossed() {
+        let saturday = GpsTime::from_week_tow(2111, 604_784.0).unwrap();
+        let at = |reference_time| KeplerElements {
+            reference_time,
+            clock_reference_time: reference_time,
+            transmission_time: reference_time,
+            ..gps()
+        };
+        let before = ephemeris(at(saturday)).state(saturday + 3600.0);
+        // Ω is counted from the start of the week: a week later the Earth has turned ωₑ · 604800 s.
+        let sunday = saturday + crate::time::WEEK_S;
+        let after = ephemeris(at(sunday)).state(sunday + 3600.0);
+        assert!((before.position_m - after.position_m).norm() < 1e-6);
+        let across = ephemeris(at(saturday));
+        let step =
+            across.state(saturday + 17.0).position_m - across.state(saturday + 15.0).position_m;
+        let speed = across.state(saturday + 16.0).velocity_mps;
+        assert!((step - speed * 2.0).norm() < 1e-4);
+    }
+
+    #[test]
+    fn hostile_elements_are_refused() {
+        let refuse = |change: fn(&mut KeplerElements)| {
+            let mut elements = gps();
+            change(&mut elements);
+            KeplerEphemeris::new(elements).unwrap_err().field
+        };
+        assert_eq!(refuse(|e| e.sqrt_axis = 0.0), "square root of the axis");
+        assert_eq!(refuse(|e| e.sqrt_axis = f64::NAN), "square root of the axis");
+        assert_eq!(refuse(|e| e.eccentricity = 1.0), "eccentricity");
+        assert_eq!(refuse(|e| e.eccentricity = -0.1), "eccentricity");
+        assert_eq!(refuse(|e| e.mean_anomaly_rad = f64::INFINITY), "mean anomaly");
+        assert_eq!(refuse(|e| e.radius_harmonics_m[1] = 1e300), "Crs");
+        assert_eq!(refuse(|e| e.clock_bias_s = f64::NAN), "clock bias");
+        assert_eq!(refuse(|e| e.accuracy_m = f64::NAN), "accuracy");
+    }
+
+    #[test]
+    fn no_predicted_accuracy_is_a_poor_one() {
+        let elements = KeplerElements { accuracy_m: -1.0, ..galileo() };
+        assert_eq!(ephemeris(elements).state(elements.reference_time).sigma_m, NO_ACCURACY_M);
+    }
+
+    proptest! {
+        #[test]
+        fn keplers_equation_is_solved(mean in -1e4..1e4f64, eccentricity in 0.0..0.999f64) {
+            let anomaly = eccentric_anomaly(mean, eccentricity);
+            let turns = (anomaly - eccentricity * anomaly.sin() - mean) / core::f64::consts::TAU;
+            prop_assert!((turns - turns.round()).abs() < 1e-11, "{turns}");
+        }
+
+        #[test]
+        fn any_time_gives_a_finite_state(nanoseconds in any::<i64>()) {
+            let state = ephemeris(gps()).state(GpsTime::from_nanoseconds(nanoseconds));
+            prop_assert!(state.position_m.is_finite() && state.velocity_mps.is_finite());
+            prop_assert!(state.clock_s.is_finite());
+        }
+    }
+}

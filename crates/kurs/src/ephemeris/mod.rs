@@ -10,6 +10,8 @@ mod glonass;
 mod group_delay;
 mod kepler;
 mod navigation_data;
+#[cfg(test)]
+mod sample;
 mod store;
 
 pub use glonass::{GlonassElements, GlonassEphemeris};

@@ -274,3 +274,117 @@ impl EphemerisStore {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::kepler::KeplerElements;
+    use super::super::sample::{beidou_geo, galileo, gps};
+    use super::*;
+
+    fn record(elements: KeplerElements) -> Ephemeris {
+        Ephemeris::Kepler(KeplerEphemeris::new(elements).unwrap())
+    }
+
+    /// The same satellite `later_s` seconds later.
+    fn shifted(elements: KeplerElements, later_s: f64) -> KeplerElements {
+        KeplerElements {
+            reference_time: elements.reference_time + later_s,
+            clock_reference_time: elements.clock_reference_time + later_s,
+            transmission_time: elements.transmission_time + later_s,
+            ..elements
+        }
+    }
+
+    fn store(records: &[KeplerElements]) -> EphemerisStore {
+        let mut store = EphemerisStore::default();
+        for elements in records {
+            store.insert(record(*elements));
+        }
+        store
+    }
+
+    fn issue(ephemeris: Option<&Ephemeris>) -> Option<u16> {
+        match ephemeris? {
+            Ephemeris::Kepler(kepler) => Some(kepler.elements().issue),
+            Ephemeris::Glonass(_) => None,
+        }
+    }
+
+    #[test]
+    fn the_nearest_reference_time_and_of_those_the_last_sent() {
+        let numbered = |issue, later_s| KeplerElements { issue, ..shifted(gps(), later_s) };
+        let again = KeplerElements {
+            issue: 3,
+            transmission_time: gps().transmission_time + 7230.0,
+            ..shifted(gps(), 7200.0)
+        };
+        let mut records = vec![numbered(1, 0.0), numbered(2, 7200.0), again, numbered(4, 14_400.0)];
+        let other = KeplerElements { satellite: Satellite::new(System::Gps, 16), ..gps() };
+        records.push(other);
+        let (satellite, toe) = (gps().satellite, gps().reference_time);
+        for _ in 0..records.len() {
+            records.rotate_left(1);
+            let store = store(&records);
+            for (age_s, expected) in [
+                (-3600.0, 1),
+                (0.0, 1),
+                (3599.0, 1),
+                (3601.0, 3),
+                (7200.0, 3),
+                (10_799.0, 3),
+                (10_801.0, 4),
+                (21_600.0, 4),
+            ] {
+                let selected = issue(store.select(satellite, toe + age_s));
+                assert_eq!(selected, Some(expected), "{age_s} s");
+            }
+        }
+    }
+
+    #[test]
+    fn old_and_unhealthy_and_unknown_ones_are_refused() {
+        let sick = KeplerElements { health: 1, ..shifted(gps(), 7200.0) };
+        let store = store(&[gps(), sick]);
+        let (satellite, toe) = (gps().satellite, gps().reference_time);
+        let state = |time| store.state(satellite, time).map(|state| state.clock_s);
+        assert!(state(toe + 3000.0).is_ok());
+        assert_eq!(state(toe + 4000.0), Err(NoEphemeris::Unhealthy(satellite, toe + 4000.0)));
+        let early = toe + -7201.0;
+        assert_eq!(state(early), Err(NoEphemeris::TooOld(satellite, early)));
+        let absent = Satellite::new(System::Gps, 1);
+        assert_eq!(store.state(absent, toe).err(), Some(NoEphemeris::Unknown(absent)));
+        assert_eq!(store.select(satellite, GpsTime::from_nanoseconds(i64::MIN)), None);
+        assert_eq!(store.select(satellite, GpsTime::from_nanoseconds(i64::MAX)), None);
+    }
+
+    #[test]
+    fn a_long_fit_interval_is_obeyed() {
+        let long = KeplerElements { fit_interval_s: Some(6.0 * 3600.0), ..gps() };
+        let store = store(&[long]);
+        assert!(store.select(long.satellite, long.reference_time + 10_800.0).is_some());
+        assert!(store.select(long.satellite, long.reference_time + 10_801.0).is_none());
+    }
+
+    #[test]
+    fn galileo_messages_are_preferred_not_mixed() {
+        let fnav = KeplerElements { message: Message::GalileoFnav, issue: 7, ..galileo() };
+        let later = shifted(KeplerElements { issue: 8, ..fnav }, 8000.0);
+        let time = galileo().reference_time + 60.0;
+        let mut store = store(&[galileo(), fnav, later]);
+        assert_eq!(issue(store.select(galileo().satellite, time)), Some(81));
+        // F/NAV serves where I/NAV is too old.
+        assert_eq!(issue(store.select(galileo().satellite, time + 15_000.0)), Some(8));
+        store.galileo = GalileoPreference::Fnav;
+        assert_eq!(issue(store.select(galileo().satellite, time)), Some(7));
+    }
+
+    #[test]
+    fn what_the_record_says_about_a_signal() {
+        let store = store(&[beidou_geo()]);
+        let (satellite, time) = (beidou_geo().satellite, beidou_geo().reference_time);
+        let delay = store.group_delay_m(satellite, Signal::new(System::BeiDou, 6, b'I'), time);
+        assert_eq!(delay, Some(0.0));
+        assert_eq!((store.len(), store.is_empty()), (1, false));
+        assert_eq!(store.iter().next().map(Ephemeris::satellite), Some(satellite));
+    }
+}
