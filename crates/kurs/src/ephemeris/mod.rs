@@ -1,7 +1,7 @@
 //! Where satellites are and what their clocks show: navigation data and their evaluation.
 //!
 //! [`KeplerEphemeris`] evaluates the broadcast orbits of GPS, Galileo, BeiDou and QZSS,
-//! [`GlonassEphemeris`] those of GLONASS; [`EphemerisStore`] chooses the record for a satellite and instant; [`NavigationData`] holds
+//! [`GlonassEphemeris`] those of GLONASS, [`PreciseOrbits`] interpolates tabulated ones; [`EphemerisStore`] chooses the record for a satellite and instant; [`NavigationData`] holds
 //! everything that navigation files say.
 //!
 //! A record is checked when it is made ([`BadEphemeris`]), so that its evaluation cannot fail.
@@ -10,6 +10,7 @@ mod glonass;
 mod group_delay;
 mod kepler;
 mod navigation_data;
+mod precise;
 #[cfg(test)]
 mod sample;
 mod store;
@@ -19,6 +20,7 @@ pub use kepler::{BadEphemeris, KeplerElements, KeplerEphemeris, Message};
 pub use navigation_data::{
     IonosphereParameters, Klobuchar, NavigationData, SystemTimeOffset, UtcParameters,
 };
+pub use precise::{PreciseNode, PreciseOrbits};
 pub use store::{Ephemeris, EphemerisStore, GalileoPreference, NoEphemeris};
 
 use crate::frames::{Ecef, Vector};

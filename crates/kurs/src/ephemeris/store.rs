@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::SatelliteState;
 use super::glonass::GlonassEphemeris;
 use super::kepler::{KeplerEphemeris, Message};
+use super::precise::{PreciseNode, PreciseOrbits};
 use crate::signal::{Satellite, Signal, System};
 use crate::time::GpsTime;
 
@@ -45,6 +46,7 @@ pub enum NoEphemeris {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EphemerisStore {
     records: BTreeMap<Key, Ephemeris>,
+    precise: PreciseOrbits,
     galileo: GalileoPreference,
 }
 
@@ -156,24 +158,35 @@ impl EphemerisStore {
         self.records.insert(ephemeris.key(), ephemeris);
     }
 
-    /// Number of records.
+    /// Adds a node of a precise orbit.
+    pub fn insert_precise(&mut self, satellite: Satellite, node: PreciseNode) {
+        self.precise.insert(satellite, node);
+    }
+
+    /// The precise orbits.
+    #[must_use]
+    pub const fn precise(&self) -> &PreciseOrbits {
+        &self.precise
+    }
+
+    /// Number of broadcast records.
     #[must_use]
     pub fn len(&self) -> usize {
         self.records.len()
     }
 
-    /// Whether there is no record.
+    /// Whether there is neither a broadcast record nor a precise orbit.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.records.is_empty()
+        self.records.is_empty() && self.precise.is_empty()
     }
 
-    /// All records, by satellite, message and time.
+    /// All broadcast records, by satellite, message and time.
     pub fn iter(&self) -> impl Iterator<Item = &Ephemeris> {
         self.records.values()
     }
 
-    /// The record for `satellite` at `time`: the one whose reference time is nearest, and of those
+    /// The broadcast record for `satellite` at `time`: the one whose reference time is nearest, and of those
     /// with the same reference time the one sent last; `None` if it is older than
     /// [`Ephemeris::max_age_s`] or says that the satellite must not be used.
     ///
@@ -184,7 +197,9 @@ impl EphemerisStore {
         self.choose(satellite, time).ok()
     }
 
-    /// Position, velocity and clock of `satellite` when it sends, at `transmission_time` (GPST).
+    /// Position, velocity and clock of `satellite` when it sends, at `transmission_time` (GPST):
+    /// from the precise orbits where they reach, else from the broadcast record of
+    /// [`EphemerisStore::select`].
     ///
     /// # Errors
     ///
@@ -194,13 +209,16 @@ impl EphemerisStore {
         satellite: Satellite,
         transmission_time: GpsTime,
     ) -> Result<SatelliteState, NoEphemeris> {
+        if let Some(state) = self.precise.state(satellite, transmission_time) {
+            return Ok(state);
+        }
         self.choose(satellite, transmission_time)?
             .state(transmission_time)
             .ok_or(NoEphemeris::TooOld(satellite, transmission_time))
     }
 
-    /// Group delay of a signal in metres, to be subtracted from its pseudorange; `None` if unknown.
-    /// Conventions: [`super::KeplerElements::group_delay_m`].
+    /// Group delay of a signal in metres, to be subtracted from its pseudorange, by the broadcast
+    /// record; `None` if unknown. Conventions: [`super::KeplerElements::group_delay_m`].
     #[must_use]
     pub fn group_delay_m(
         &self,
