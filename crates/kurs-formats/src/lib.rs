@@ -8,3 +8,4 @@ pub mod observations;
 pub mod rinex;
 pub mod session;
 pub mod source;
+mod sp3;

@@ -8,11 +8,12 @@ use kurs::signal::System;
 use crate::damage::DamageLog;
 use crate::rinex;
 use crate::source::{ReadError, Source};
+use crate::sp3;
 
 /// What was found in a file.
 #[derive(Debug, Clone, Default)]
 pub struct ReadSummary {
-    /// Ephemerides taken, per system.
+    /// Ephemerides taken (SP3: nodes), per system.
     pub records: BTreeMap<System, usize>,
     /// Records read past on purpose, per system letter and message (`"G CNAV"`).
     pub read_past: BTreeMap<String, usize>,
@@ -20,7 +21,8 @@ pub struct ReadSummary {
     pub damage: DamageLog,
 }
 
-/// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4.
+/// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, and
+/// SP3 a to d.
 ///
 /// A damaged record is noted in the summary and loses no other one.
 ///
@@ -32,9 +34,12 @@ pub fn read(source: &mut Source, data: &mut NavigationData) -> Result<ReadSummar
         return Err(source.wrong_content("an empty file", EXPECTED));
     }
     let mut summary = ReadSummary::default();
-    match rinex::navigation::version_of(source.line()) {
-        Some(version) => rinex::navigation::read(source, version, data, &mut summary)?,
-        None => return Err(source.wrong_content(appearance(source.line()), EXPECTED)),
+    if let Some(version) = rinex::navigation::version_of(source.line()) {
+        rinex::navigation::read(source, version, data, &mut summary)?;
+    } else if sp3::is_first_line(source.line()) {
+        sp3::read(source, &mut data.ephemerides, &mut summary)?;
+    } else {
+        return Err(source.wrong_content(appearance(source.line()), EXPECTED));
     }
     if let Some(reason) = source.broken_off() {
         summary.damage.note(source.line_number(), reason.to_owned());
@@ -42,7 +47,7 @@ pub fn read(source: &mut Source, data: &mut NavigationData) -> Result<ReadSummar
     Ok(summary)
 }
 
-const EXPECTED: &str = "a navigation file (RINEX 2, 3 or 4)";
+const EXPECTED: &str = "a navigation file (RINEX 2, 3 or 4) or precise orbits (SP3)";
 
 /// What a first line looks like, for the message.
 fn appearance(line: &[u8]) -> String {

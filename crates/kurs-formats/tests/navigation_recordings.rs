@@ -1,8 +1,9 @@
-//! Navigation files of real receivers; skipped, visibly, where the recordings are absent.
+//! Navigation files of real receivers and precise orbits; skipped, visibly, where the recordings are
+//! absent.
 
 use std::path::PathBuf;
 
-use kurs::ephemeris::NavigationData;
+use kurs::ephemeris::{EphemerisStore, NavigationData, PreciseOrbits};
 use kurs::signal::System;
 use kurs_formats::navigation::{self, ReadSummary};
 use kurs_formats::source::Source;
@@ -62,5 +63,101 @@ fn every_record_is_read() {
         for (system, count) in expected {
             assert_eq!(summary.records.get(system), Some(count), "{name} {system}");
         }
+    }
+}
+
+const BROADCAST: &str = "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz";
+const PRECISE: &str = "orbits/GRG0MGXFIN_20201770000_01D_15M_ORB.SP3.gz";
+const FIVE_SYSTEMS: &str = "orbits/COD0MGXFIN_20230500000_01D_05M_ORB.SP3.gz";
+
+/// Distance of the antenna from the centre of mass towards the Earth, m: means over the satellites
+/// of a system of the IGS14 values (igs14.atx). Broadcast positions are those of the antenna, SP3
+/// positions those of the centre of mass.
+fn antenna_offset_m(system: System) -> f64 {
+    match system {
+        System::Gps => 1.3,
+        System::Galileo => 0.8,
+        System::Glonass => 2.4,
+        _ => 0.0,
+    }
+}
+
+/// Broadcast minus precise position at every node, in 3D, after the antenna offset.
+fn broadcast_errors_m(
+    broadcast: &EphemerisStore,
+    precise: &PreciseOrbits,
+    system: System,
+) -> Vec<f64> {
+    let mut errors = Vec::new();
+    for (satellite, nodes) in precise.iter().filter(|(satellite, _)| satellite.system == system) {
+        for node in nodes {
+            let Ok(state) = broadcast.state(satellite, node.time) else { continue };
+            let outwards = state.position_m.direction() * antenna_offset_m(system);
+            errors.push((state.position_m + outwards - node.position_m).norm());
+        }
+    }
+    errors
+}
+
+fn root_mean_square(errors: &[f64]) -> f64 {
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+}
+
+#[test]
+fn broadcast_orbits_against_precise_ones() {
+    let (Some((broadcast, _)), Some((precise, summary))) = (read(BROADCAST), read(PRECISE)) else {
+        return;
+    };
+    println!("{PRECISE}: {:?}", summary.records);
+    for (system, limit_m, least) in
+        [(System::Gps, 3.0, 1500), (System::Galileo, 3.0, 1000), (System::Glonass, 8.0, 800)]
+    {
+        let errors =
+            broadcast_errors_m(&broadcast.ephemerides, precise.ephemerides.precise(), system);
+        let rms_m = root_mean_square(&errors);
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        println!("{system}: {} positions, 3D RMS {rms_m:.3} m, worst {worst:.3} m", errors.len());
+        assert!(errors.len() > least, "{system}: {}", errors.len());
+        assert!(rms_m <= limit_m, "{system}: {rms_m} m");
+    }
+}
+
+/// Interpolated minus tabulated position at the nodes that `leaves_out` names by their index, away
+/// from both ends of the file, in ascending order.
+fn left_out_errors_m(
+    whole: &PreciseOrbits,
+    system: System,
+    leaves_out: impl Fn(usize) -> bool,
+) -> Vec<f64> {
+    const FROM_THE_ENDS: usize = 15;
+    let mut errors = Vec::new();
+    for (satellite, nodes) in whole.iter().filter(|(satellite, _)| satellite.system == system) {
+        let mut thinned = PreciseOrbits::default();
+        for (_, node) in nodes.iter().enumerate().filter(|(i, _)| !leaves_out(*i)) {
+            thinned.insert(satellite, *node);
+        }
+        for (i, node) in nodes.iter().enumerate() {
+            if leaves_out(i) && (FROM_THE_ENDS..nodes.len() - FROM_THE_ENDS).contains(&i) {
+                let position_m = thinned.position_m(satellite, node.time).expect("no gap");
+                errors.push((position_m - node.position_m).norm());
+            }
+        }
+    }
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+/// Two of three nodes left out: five minutes become fifteen.
+#[test]
+fn precise_orbits_against_left_out_nodes() {
+    let Some((data, summary)) = read(FIVE_SYSTEMS) else { return };
+    println!("{FIVE_SYSTEMS}: {:?}", summary.records);
+    assert_eq!((summary.records.len(), summary.damage.total()), (5, 0));
+    for system in summary.records.keys() {
+        let errors = left_out_errors_m(data.ephemerides.precise(), *system, |i| i % 3 != 0);
+        let worst_m = errors.last().copied().unwrap_or(f64::INFINITY);
+        let rms_m = root_mean_square(&errors);
+        println!("{system}: {} nodes, RMS {rms_m:.4} m, worst {worst_m:.4} m", errors.len());
+        assert!(worst_m <= 0.02, "{system}: {worst_m} m");
     }
 }

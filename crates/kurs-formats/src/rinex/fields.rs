@@ -78,6 +78,23 @@ pub(crate) fn decimal(field: &[u8]) -> Option<f64> {
     Some(if negative { -magnitude } else { magnitude })
 }
 
+/// A number in the notation of FORTRAN (`1.5D-08`) with blanks around it; blank is zero, as the
+/// navigation formats say; `None` for anything else.
+pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
+    let text = field.trim_ascii();
+    if text.is_empty() {
+        return Some(0.0);
+    }
+    let mut digits = [0; 32];
+    let digits = digits.get_mut(..text.len())?;
+    digits.copy_from_slice(text);
+    for digit in digits.iter_mut().filter(|digit| matches!(digit, b'D' | b'd')) {
+        *digit = b'E';
+    }
+    let value: f64 = core::str::from_utf8(digits).ok()?.parse().ok()?;
+    value.is_finite().then_some(value)
+}
+
 /// What stands in the 14 columns of an observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Value {
@@ -148,6 +165,17 @@ mod tests {
         assert_eq!(decimal(b"-0.123456789012345678"), Some(-0.123_456_789_012_345_68));
         for wrong in [&b""[..], b".", b"-", b"1.2.3", b"inf", b"nan", b"1e999", b"1 2"] {
             assert_eq!(decimal(wrong), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn exponentials() {
+        assert_eq!(exponential(b" 1.5D-08"), Some(1.5e-8));
+        assert_eq!(exponential(b"-.999999999999e+09"), Some(-0.999_999_999_999e9));
+        assert_eq!(exponential(b"   "), Some(0.0));
+        assert_eq!(exponential(b""), Some(0.0));
+        for wrong in [&b"1.5 D-08"[..], b"nan", b"INF", b"1e999", b"x", b"\xff", &[b'1'; 40]] {
+            assert_eq!(exponential(wrong), None, "{wrong:?}");
         }
     }
 

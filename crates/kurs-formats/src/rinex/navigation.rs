@@ -5,6 +5,7 @@
 //! next one, and records of unknown messages are read past.
 
 mod header;
+mod message;
 mod record;
 
 use kurs::ephemeris::NavigationData;

@@ -14,10 +14,12 @@ use crate::frames::{EARTH_RATE_RADPS, Ecef, Vector};
 use crate::signal::{SPEED_OF_LIGHT_MPS, Satellite};
 use crate::time::GpsTime;
 
-/// Nodes of one interpolation: a polynomial of degree 10 errs by less than 0.1 mm at 15 minutes.
+/// Nodes of one interpolation. A polynomial of degree 10 errs by less than 1 mm at 15 minutes, and
+/// by up to 13 mm for the two Galileo satellites whose orbits have an eccentricity of 0.17; over a
+/// missing node it would be 25 cm for these.
 const NODES: usize = 11;
-/// A window of [`NODES`] may miss one node: it spans at most this many intervals.
-const MAX_SPAN_INTERVALS: f64 = NODES as f64 + 0.5;
+/// A window of [`NODES`] without a gap spans one interval less than it has nodes.
+const MAX_SPAN_INTERVALS: f64 = NODES as f64 - 0.5;
 /// Gravitational constant of the Earth, m³/s², for the small rate of the relativistic effect.
 const GM: f64 = 3.986_004_418e14;
 
@@ -70,23 +72,27 @@ impl PreciseOrbits {
         self.satellites.iter().map(|(satellite, nodes)| (*satellite, nodes.as_slice()))
     }
 
+    /// Position of the centre of mass at `time`, whether there is a clock or not; `None` outside
+    /// the nodes and near a gap.
+    #[must_use]
+    pub fn position_m(&self, satellite: Satellite, time: GpsTime) -> Option<Vector<Ecef>> {
+        let nodes = self.satellites.get(&satellite)?;
+        let (position, _) = interpolate(window(nodes, end_of_interval(nodes, time)?)?, time);
+        Some(Vector::from_xyz(position))
+    }
+
     /// Position, velocity and clock at `time`.
     ///
-    /// `None` outside the nodes, in a gap of two or more nodes, where there is no clock, and across
+    /// `None` outside the nodes, near a gap, where there is no clock, and across
     /// a clock event.
     #[must_use]
     pub fn state(&self, satellite: Satellite, time: GpsTime) -> Option<SatelliteState> {
         let nodes = self.satellites.get(&satellite)?;
-        let after = nodes.partition_point(|node| node.time <= time);
-        // The last node itself belongs to the interval before it.
-        let after = if nodes.last()?.time == time { nodes.len() - 1 } else { after };
-        let before = after.checked_sub(1)?;
-        nodes.get(after)?;
-
-        let window = window(nodes, after)?;
-        let (position, inertial_velocity) = interpolate(window, time);
+        let after = end_of_interval(nodes, time)?;
+        let (from, to) = (&nodes[after - 1], &nodes[after]);
+        let (clock_s, clock_drift) = clock(from, to, time)?;
+        let (position, inertial_velocity) = interpolate(window(nodes, after)?, time);
         let earth = Vector3::new(0.0, 0.0, EARTH_RATE_RADPS);
-        let (clock_s, clock_drift) = clock(&nodes[before], &nodes[after], time)?;
         // Δt_rel = −2 r·v / c²,   d(r·v)/dt = v² − GM/r
         let squared_c = SPEED_OF_LIGHT_MPS * SPEED_OF_LIGHT_MPS;
         let relativistic_s = -2.0 * position.dot(&inertial_velocity) / squared_c;
@@ -97,9 +103,17 @@ impl PreciseOrbits {
             velocity_mps: Vector::from_xyz(inertial_velocity - earth.cross(&position)),
             clock_s: clock_s + relativistic_s,
             clock_drift: clock_drift + relativistic_drift,
-            sigma_m: nodes[before].sigma_m.max(nodes[after].sigma_m),
+            sigma_m: from.sigma_m.max(to.sigma_m),
         })
     }
+}
+
+/// Index of the node at which the interval with `time` ends; the last node belongs to the last
+/// interval.
+fn end_of_interval(nodes: &[PreciseNode], time: GpsTime) -> Option<usize> {
+    let after = nodes.partition_point(|node| node.time <= time);
+    let after = if nodes.last()?.time == time { nodes.len() - 1 } else { after };
+    (1..nodes.len()).contains(&after).then_some(after)
 }
 
 /// The nodes around the interval that ends at `after`, moved inwards at the ends.
@@ -206,10 +220,7 @@ mod tests {
         let mut gapped = orbits.clone();
         let time = start + 12.5 * INTERVAL_S;
         gapped.satellites.get_mut(&satellite).unwrap().remove(12);
-        let bridged = gapped.state(satellite, time).unwrap().position_m;
-        let whole = orbits.state(satellite, time).unwrap().position_m;
-        assert!((bridged - whole).norm() < 1e-3, "{}", (bridged - whole).norm());
-        gapped.satellites.get_mut(&satellite).unwrap().remove(12);
+        assert!(orbits.state(satellite, time).is_some());
         assert!(gapped.state(satellite, time).is_none());
     }
 

@@ -1,11 +1,13 @@
 //! The header of a navigation file: ionosphere, time scales, leap seconds.
 
+use core::ops::Range;
+
 use kurs::ephemeris::{Klobuchar, NavigationData, SystemTimeOffset, UtcParameters};
 use kurs::signal::System;
 use kurs::time::GpsTime;
 
-use super::record::{columns, number};
 use crate::navigation::ReadSummary;
+use crate::rinex::fields::{columns, exponential, integer, label};
 use crate::source::{ReadError, Source};
 
 /// Reads up to `END OF HEADER`; a line that cannot be read is noted and left out.
@@ -16,17 +18,17 @@ pub(super) fn read(
 ) -> Result<(), ReadError> {
     while source.advance()? {
         let line = source.line();
-        let label = columns(line, 60, 80).trim_ascii();
+        let label = label(line);
         let taken = match label {
             b"END OF HEADER" => return Ok(()),
             b"ION ALPHA" => coefficients(line, 2).map(|alpha| gps(data).alpha = alpha),
             b"ION BETA" => coefficients(line, 2).map(|beta| gps(data).beta = beta),
             b"IONOSPHERIC CORR" => ionosphere(line, data),
             b"DELTA-UTC: A0,A1,T,W" => {
-                offset_line(*b"GPUT", line, [(3, 22), (22, 41), (41, 50), (50, 59)], data)
+                offset_line(*b"GPUT", line, [3..22, 22..41, 41..50, 50..59], data)
             }
-            b"TIME SYSTEM CORR" => match columns(line, 0, 4).try_into() {
-                Ok(code) => offset_line(code, line, [(5, 22), (22, 38), (38, 45), (45, 50)], data),
+            b"TIME SYSTEM CORR" => match columns(line, 0..4).try_into() {
+                Ok(code) => offset_line(code, line, [5..22, 22..38, 38..45, 45..50], data),
                 Err(_) => None,
             },
             b"LEAP SECONDS" => leap_seconds(line, data),
@@ -48,7 +50,7 @@ fn gps(data: &mut NavigationData) -> &mut Klobuchar {
 fn coefficients(line: &[u8], start: usize) -> Option<[f64; 4]> {
     let mut numbers = [0.0; 4];
     for (i, value) in numbers.iter_mut().enumerate() {
-        *value = number(columns(line, start + 12 * i, start + 12 * (i + 1)))?;
+        *value = exponential(columns(line, start + 12 * i..start + 12 * (i + 1)))?;
     }
     Some(numbers)
 }
@@ -57,7 +59,7 @@ fn coefficients(line: &[u8], start: usize) -> Option<[f64; 4]> {
 fn ionosphere(line: &[u8], data: &mut NavigationData) -> Option<()> {
     let numbers = coefficients(line, 5)?;
     let ionosphere = &mut data.ionosphere;
-    let model = match columns(line, 0, 3) {
+    let model = match columns(line, 0..3) {
         b"GAL" => {
             ionosphere.galileo = Some([numbers[0], numbers[1], numbers[2]]);
             return Some(());
@@ -68,7 +70,7 @@ fn ionosphere(line: &[u8], data: &mut NavigationData) -> Option<()> {
         _ => return Some(()),
     };
     let model = model.get_or_insert(Klobuchar { alpha: [0.0; 4], beta: [0.0; 4] });
-    match columns(line, 3, 4) {
+    match columns(line, 3..4) {
         b"A" => model.alpha = numbers,
         b"B" => model.beta = numbers,
         _ => {}
@@ -77,10 +79,10 @@ fn ionosphere(line: &[u8], data: &mut NavigationData) -> Option<()> {
 }
 
 fn leap_seconds(line: &[u8], data: &mut NavigationData) -> Option<()> {
-    let text = str::from_utf8(columns(line, 0, 6)).ok()?.trim();
+    let count = integer(columns(line, 0..6))?;
     // Some files give the count of BeiDou time, and say so.
-    if columns(line, 24, 27) != b"BDS" {
-        data.leap_seconds = Some(text.parse().ok()?);
+    if columns(line, 24..26) != b"BD" {
+        data.leap_seconds = Some(count);
     }
     Some(())
 }
@@ -89,10 +91,10 @@ fn leap_seconds(line: &[u8], data: &mut NavigationData) -> Option<()> {
 fn offset_line(
     code: [u8; 4],
     line: &[u8],
-    fields: [(usize, usize); 4],
+    fields: [Range<usize>; 4],
     data: &mut NavigationData,
 ) -> Option<()> {
-    let [bias_s, drift, tow_s, week] = fields.map(|(from, to)| number(columns(line, from, to)));
+    let [bias_s, drift, tow_s, week] = fields.map(|field| exponential(columns(line, field)));
     #[allow(clippy::cast_possible_truncation)] // saturates, and a wrong week gives no time
     let reference = GpsTime::from_week_tow(week? as i32, tow_s?).unwrap_or_default();
     time_offset(code, [bias_s?, drift?], reference, data);
