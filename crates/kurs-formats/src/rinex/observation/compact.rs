@@ -14,13 +14,15 @@ use kurs::signal::{Satellite, System};
 use super::epoch_line::{EpochFlag, EpochLine};
 use super::header::{HeaderRecords, ObservationHeader, TimeSystem, Version, satellite};
 use crate::damage::DamageLog;
-use crate::rinex::fields::label;
+use crate::rinex::fields::{columns, label};
 use crate::source::{ReadError, Source};
 
 /// Highest order of differences that one digit can state.
 const ORDER_MAX: usize = 9;
 /// The numbers of satellites in one system.
 const NUMBERS: usize = 100;
+/// Lines of an event that are kept: its count has three digits.
+const EVENT_LINES_MAX: usize = 1000;
 
 /// The expanded lines of a compact file.
 #[derive(Debug)]
@@ -40,8 +42,9 @@ pub(super) struct CompactLines {
     satellites: Vec<SatelliteState>,
     names: Vec<Satellite>,
     block: Block,
-    /// An epoch was dropped.
+    /// An epoch was dropped before the block, or behind it.
     lost: bool,
+    lost_behind: bool,
 }
 
 /// The text of one expanded epoch.
@@ -123,6 +126,7 @@ impl CompactLines {
             names: Vec::new(),
             block: Block::default(),
             lost: false,
+            lost_behind: false,
         }
     }
 
@@ -187,16 +191,19 @@ impl CompactLines {
     /// Expands the next epoch or event into the block; the block stays empty where one is dropped.
     fn expand_epoch(&mut self, damage: &mut DamageLog) -> Result<bool, ReadError> {
         self.block.clear();
+        self.lost |= core::mem::take(&mut self.lost_behind);
         if !self.epoch_known && !self.source.advance()? {
             return Ok(false);
         }
         let first = self.source.line_number();
         if !core::mem::take(&mut self.epoch_known) && !self.take_epoch_line() {
-            return self.skip_to_full_epoch(first, "not an epoch line", damage);
+            self.skip_to_full_epoch(first, damage)?;
+            return Ok(true);
         }
         let Some(epoch) = self.epoch_line() else { return Ok(true) };
         if !matches!(epoch.flag, EpochFlag::Observations | EpochFlag::AfterPowerFailure) {
-            return self.pass_event(epoch.count);
+            self.pass_event()?;
+            return Ok(true);
         }
         if !self.source.advance()? {
             damage.note(first, "the file ends inside an epoch");
@@ -209,6 +216,9 @@ impl CompactLines {
         self.write_epoch_line(clock.unwrap_or_default(), first);
         for index in 0..self.names.len() {
             if !self.source.advance()? {
+                // A file that was cut ends in a line; here one may be missing before.
+                self.block.clear();
+                damage.note(first, "the file ends inside an epoch, dropped");
                 return Ok(true);
             }
             if !self.source.line_is_whole() {
@@ -218,44 +228,51 @@ impl CompactLines {
             if self.is_full_epoch_line() {
                 self.source.hold_line();
                 self.block.clear();
-                self.lost = true;
-                let what = "the epoch has fewer lines than satellites";
-                damage.note_with(first, || format!("{what}, dropped").into());
+                self.lost_behind = true;
+                damage.note(first, "the epoch has fewer lines than satellites, dropped");
                 return Ok(true);
             }
             self.expand_satellite(self.names[index], damage);
         }
-        self.know_next_epoch(first, damage)
+        // An epoch line that is not in full begins with a blank, for the mark that stays the same.
+        let ends_with_satellite = !matches!(self.source.line().first(), None | Some(b' '));
+        self.know_next_epoch(ends_with_satellite, damage)?;
+        Ok(true)
     }
 
-    /// Looks whether the next epoch begins behind this one; if not, the lines did not belong to
-    /// their satellites.
-    fn know_next_epoch(&mut self, first: u64, damage: &mut DamageLog) -> Result<bool, ReadError> {
-        loop {
+    /// Looks whether the next epoch begins behind this one. If not, and the lines may have belonged
+    /// to other satellites, this epoch is dropped too.
+    fn know_next_epoch(
+        &mut self,
+        ends_with_satellite: bool,
+        damage: &mut DamageLog,
+    ) -> Result<(), ReadError> {
+        if !self.source.advance()? {
+            return Ok(());
+        }
+        if self.is_full_epoch_line() {
+            self.source.hold_line();
+            return Ok(());
+        }
+        let number = self.source.line_number();
+        let line = self.source.line().trim_ascii_end();
+        let one_field = !line.contains(&b' ');
+        // An empty line would mean the same epoch again; there are some at the end of files.
+        if line.is_empty() {
             if !self.source.advance()? {
-                return Ok(true);
+                return Ok(());
             }
-            if self.is_full_epoch_line() {
-                self.source.hold_line();
-                return Ok(true);
-            }
-            if !self.source.line().trim_ascii().is_empty() {
-                break;
-            }
-            let blank = self.source.line_number();
-            if self.source.advance()? {
-                // An empty line would be the same epoch again: a line is lost or too many.
-                self.source.hold_line();
-                self.block.clear();
-                return self.skip_to_full_epoch(blank, "not an epoch line", damage);
-            }
+            self.source.hold_line();
+        } else if self.take_epoch_line() {
+            self.epoch_known = true;
+            return Ok(());
         }
-        self.epoch_known = self.take_epoch_line();
-        if !self.epoch_known {
+        // A single number, or none, is the clock offset behind an epoch line that is lost; anything
+        // else is a line too many.
+        if !(ends_with_satellite && one_field) {
             self.block.clear();
-            return self.skip_to_full_epoch(first, "the next epoch line does not fit", damage);
         }
-        Ok(true)
+        self.skip_to_full_epoch(number, damage)
     }
 
     /// Whether the line is an epoch line in full, from which everything begins anew.
@@ -299,59 +316,53 @@ impl CompactLines {
         self.names.len() == epoch.count
     }
 
-    /// The records of an event stand in the file as they are.
-    fn pass_event(&mut self, count: usize) -> Result<bool, ReadError> {
+    /// The records of an event stand in the file as they are; behind it comes an epoch in full.
+    fn pass_event(&mut self) -> Result<(), ReadError> {
         self.block.text.extend_from_slice(&self.epoch_text);
         self.block.end_line(self.source.line_number());
         self.records = HeaderRecords::default();
-        for _ in 0..count {
-            if !self.source.advance()? {
-                break;
-            }
+        while self.source.advance()? {
             if self.is_full_epoch_line() {
                 self.source.hold_line();
                 break;
             }
-            self.note_types();
-            self.block.text.extend_from_slice(self.source.line());
-            self.block.end_line(self.source.line_number());
+            if self.block.lines.len() < EVENT_LINES_MAX {
+                self.note_types();
+                self.block.text.extend_from_slice(self.source.line());
+                self.block.end_line(self.source.line_number());
+            }
         }
         self.epoch_text.clear();
-        Ok(true)
+        Ok(())
     }
 
-    fn skip_to_full_epoch(
-        &mut self,
-        first: u64,
-        what: &str,
-        damage: &mut DamageLog,
-    ) -> Result<bool, ReadError> {
+    fn skip_to_full_epoch(&mut self, first: u64, damage: &mut DamageLog) -> Result<(), ReadError> {
         self.epoch_text.clear();
-        self.epoch_known = false;
-        self.lost = true;
-        let more = loop {
-            if self.is_full_epoch_line() && self.source.line_number() > first {
+        self.lost_behind = true;
+        let mut last = first;
+        while self.source.advance()? {
+            if self.is_full_epoch_line() {
                 self.source.hold_line();
-                break true;
+                break;
             }
-            if !self.source.advance()? {
-                break false;
-            }
-        };
-        let last = self.source.line_number();
+            last = self.source.line_number();
+        }
         damage.note_with(first, || {
-            format!("{what}: dropped up to the next epoch in full, line {last}").into()
+            format!(
+                "no epoch begins here, dropped up to line {last}, where the next in full begins"
+            )
+            .into()
         });
-        Ok(more)
+        Ok(())
     }
 
     /// The epoch line as RINEX has it, with the clock offset in its columns.
     fn write_epoch_line(&mut self, clock: Option<i64>, line_number: u64) {
         let block = &mut self.block;
         if self.header.version.major >= 3 {
-            block.text.extend_from_slice(&self.epoch_text[..35]);
+            block.text.extend_from_slice(columns(&self.epoch_text, 0..35));
             if let Some(clock) = clock {
-                block.text.extend_from_slice(b"      ");
+                block.text.resize(block.line_start() + 41, b' ');
                 write_fixed(&mut block.text, clock, 15, 12);
             }
             block.end_line(line_number);

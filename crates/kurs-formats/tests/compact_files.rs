@@ -1,0 +1,104 @@
+//! Compact observation files: equal to the plain ones, and what damage does to them.
+#![allow(clippy::unwrap_used)] // a test
+
+use std::path::Path;
+
+use kurs::observation::{AntennaEpoch, Observation};
+use kurs_formats::rinex::observation::ObservationReader;
+
+fn text(name: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/observation");
+    std::fs::read_to_string(folder.join(name)).unwrap()
+}
+
+fn read(text: &str) -> (Vec<AntennaEpoch>, u64) {
+    let input = std::io::Cursor::new(text.as_bytes().to_vec());
+    let mut reader = ObservationReader::new(input, "test.crx").unwrap();
+    let (mut epochs, mut epoch) = (Vec::new(), AntennaEpoch::default());
+    while reader.next_epoch(&mut epoch).unwrap() {
+        epochs.push(epoch.clone());
+    }
+    (epochs, reader.damage_count())
+}
+
+#[test]
+fn compact_files_equal_plain_ones() {
+    for (compact, plain, count) in [
+        ("mixed_3.crx", "mixed_3.rnx", 12),
+        ("mixed_2.crx", "mixed_2.obs", 10),
+        ("events_3.crx", "events_3.rnx", 12),
+    ] {
+        let (epochs, damage) = read(&text(compact));
+        assert_eq!((epochs.len(), damage), (count, 0), "{compact}");
+        assert_eq!(epochs, read(&text(plain)).0, "{compact}");
+    }
+}
+
+#[test]
+fn clock_offsets_are_read() {
+    let (epochs, _) = read(&text("mixed_3.crx"));
+    let offsets: Vec<_> = epochs.iter().take(4).map(|epoch| epoch.clock_offset_s).collect();
+    assert_eq!(offsets, [None, Some(-4.938_268e-6), Some(-3.703_701e-6), None]);
+    let (epochs, _) = read(&text("mixed_2.crx"));
+    assert_eq!(epochs[3].clock_offset_s, Some(4.5e-7));
+}
+
+/// Everything that comes out of a damaged file is in the whole one.
+fn nothing_false(epochs: &[AntennaEpoch], whole: &[AntennaEpoch]) -> Result<(), String> {
+    let fits = |a: Option<f64>, b: Option<f64>| a.is_none() || a == b;
+    for epoch in epochs {
+        let Some(right) = whole.iter().find(|right| right.time == epoch.time) else {
+            return Err(format!("no epoch at {}", epoch.time));
+        };
+        for o in &epoch.observations {
+            let known = right.observations.iter().any(|r: &Observation| {
+                (r.satellite, r.signal) == (o.satellite, o.signal)
+                    && fits(o.pseudorange_m, r.pseudorange_m)
+                    && fits(o.phase_cycles, r.phase_cycles)
+                    && fits(o.doppler_hz, r.doppler_hz)
+                    && fits(o.cn0_dbhz, r.cn0_dbhz)
+            });
+            if !known {
+                return Err(format!("{o:?} at {}", epoch.time));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A line too few or too many costs what is left up to the next epoch in full, and nothing else.
+#[test]
+fn one_bad_line() {
+    for name in ["mixed_3.crx", "mixed_2.crx"] {
+        let text = text(name);
+        let (whole, _) = read(&text);
+        let lines: Vec<&str> = text.split_inclusive('\n').collect();
+        let header = 1 + lines.iter().position(|line| line.contains("END OF HEADER")).unwrap();
+        for index in header..lines.len() {
+            let (before, after) = (lines[..index].concat(), lines[index + 1..].concat());
+            for broken in [before.clone() + &after, before + "#?%$\n" + &after] {
+                let (epochs, damage) = read(&broken);
+                assert!(damage > 0, "{name}, line {}: nothing noticed", index + 1);
+                assert!(epochs.len() + 4 >= whole.len(), "{name}, line {}", index + 1);
+                if let Err(what) = nothing_false(&epochs, &whole) {
+                    panic!("{name}, line {}: {what}", index + 1);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn cut_at_every_byte() {
+    for name in ["mixed_3.crx", "mixed_2.crx"] {
+        let text = text(name);
+        let (whole, _) = read(&text);
+        let header = text.find("END OF HEADER").unwrap() + 20;
+        for end in header..text.len() {
+            let (epochs, _) = read(&text[..end]);
+            if let Err(what) = nothing_false(&epochs, &whole) {
+                panic!("{name}, cut at {end}: {what}");
+            }
+        }
+    }
+}
