@@ -134,6 +134,9 @@ fn check(
     if positions_m.len() < 2 {
         return Err(AttitudeError::TooFewVectors { found: positions_m.len() });
     }
+    if phases.len() < 2 {
+        return Err(AttitudeError::TooFewVectors { found: phases.len() });
+    }
     if positions_m.iter().chain(lines_of_sight).any(|v| v.iter().any(|c| !c.is_finite())) {
         return Err(AttitudeError::NotFinite { what: "antenna position or line of sight" });
     }

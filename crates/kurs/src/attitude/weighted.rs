@@ -10,7 +10,7 @@
 //! Where every antenna sees the same satellites, `G = R ⊗ N` and `h = vec X`: the normal matrix `N`
 //! of a baseline and the weighted spread `R` of the antennas, 3×3 each, say everything.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use super::AttitudeError;
 use super::wahba::nearest_rotation;
@@ -242,29 +242,51 @@ impl AttitudeProblem {
     /// [`AttitudeError::Unobservable`] where the minimum is not a point, and
     /// [`AttitudeError::NoConvergence`].
     pub fn minimum_from(&self, start: Matrix3<f64>) -> Result<Minimum, AttitudeError> {
-        let mut rotation = start;
-        let mut here = self.expand(&rotation);
+        let (mut rotation, mut here) = (start, self.expand(&start));
         for iterations in 1..=MAX_ITERATIONS {
             let (step, is_newton) = damped_step(&here)?;
-            let norm = step.norm();
-            let mut scale = if norm > MAX_STEP_RAD { MAX_STEP_RAD / norm } else { 1.0 };
-            let (next, there) = loop {
-                let next = rotation * exponential(&(scale * step));
-                let there = self.expand(&next);
-                let rounding = 1e-13 * (here.cost.abs() + there.cost.abs());
-                if there.cost <= here.cost + rounding || scale * norm < 1e-6 {
-                    break (next, there);
-                }
-                scale *= 0.5;
-            };
-            (rotation, here) = (next, there);
-            if is_newton && norm < LAST_STEP_RAD {
+            (rotation, here) = self.descend(&rotation, &here, &step);
+            if is_newton && step.norm() < LAST_STEP_RAD {
                 check_definite(&here.information)?;
                 let Expansion { cost, information, .. } = here;
                 return Ok(Minimum { rotation, cost, information, iterations });
             }
         }
         Err(AttitudeError::NoConvergence { iterations: MAX_ITERATIONS })
+    }
+
+    /// One damped Newton step from `rotation`, and its length in rad.
+    ///
+    /// # Errors
+    ///
+    /// [`AttitudeError::Unobservable`] where no step is determined.
+    pub fn newton_step(
+        &self,
+        rotation: &Matrix3<f64>,
+    ) -> Result<(Matrix3<f64>, f64), AttitudeError> {
+        let here = self.expand(rotation);
+        let (step, _) = damped_step(&here)?;
+        Ok((self.descend(rotation, &here, &step).0, step.norm()))
+    }
+
+    /// `Q exp[θ]×` with `step` shortened until the cost does not rise.
+    fn descend(
+        &self,
+        rotation: &Matrix3<f64>,
+        here: &Expansion,
+        step: &Vector3<f64>,
+    ) -> (Matrix3<f64>, Expansion) {
+        let norm = step.norm();
+        let mut scale = if norm > MAX_STEP_RAD { MAX_STEP_RAD / norm } else { 1.0 };
+        loop {
+            let next = rotation * exponential(&(scale * step));
+            let there = self.expand(&next);
+            let rounding = 1e-13 * (here.cost.abs() + there.cost.abs());
+            if there.cost <= here.cost + rounding || scale * norm < 1e-6 || there.cost.is_nan() {
+                return (next, there);
+            }
+            scale *= 0.5;
+        }
     }
 
     /// Value, gradient, Gauss–Newton matrix and Hessian at `Q`.
@@ -342,6 +364,12 @@ pub fn exponential(theta: &Vector3<f64>) -> Matrix3<f64> {
     };
     let cross = skew(theta);
     Matrix3::identity() + s * cross + c * (cross * cross)
+}
+
+/// Rotation vector of a rotation matrix, `‖θ‖ ≤ π`: the inverse of [`exponential`].
+#[must_use]
+pub fn logarithm(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    Rotation3::from_matrix_unchecked(*rotation).scaled_axis()
 }
 
 /// `mix(X, Y) = adj(X + Y) − adj X − adj Y` for symmetric matrices: the matrix for which
@@ -454,4 +482,93 @@ pub(super) fn is_positive_definite<const D: usize>(mut matrix: SMatrix<f64, D, D
 fn check_definite(information: &Matrix3<f64>) -> Result<(), AttitudeError> {
     let lowered = information - SINGULAR_RATIO * information.trace() * Matrix3::identity();
     if is_positive_definite(lowered) { Ok(()) } else { Err(AttitudeError::Unobservable) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn matrix() -> impl Strategy<Value = Matrix3<f64>> {
+        proptest::array::uniform9(-1.0..1.0f64).prop_map(|c| Matrix3::from_row_slice(&c))
+    }
+
+    fn rotation() -> impl Strategy<Value = Matrix3<f64>> {
+        proptest::array::uniform3(-2.0..2.0f64).prop_map(|c| exponential(&Vector3::from(c)))
+    }
+
+    /// The same problem in its short and in its general form.
+    fn both_forms(n: Matrix3<f64>, r: Matrix3<f64>, x: Matrix3<f64>) -> [AttitudeProblem; 2] {
+        let (normal, spread) = (n * n.transpose(), r * r.transpose());
+        let information = Box::new(spread.kronecker(&normal));
+        [
+            AttitudeProblem::Separable { normal, spread, cross: x },
+            AttitudeProblem::General { information, linear: x },
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn derivatives_against_central_differences(
+            n in matrix(), r in matrix(), x in matrix(), q in rotation(),
+        ) {
+            for problem in both_forms(n, r, x) {
+                let here = problem.expand(&q);
+                prop_assert!((here.cost - problem.cost(&q)).abs() < 1e-12);
+                let moved = |theta: Vector3<f64>| problem.cost(&(q * exponential(&theta)));
+                let (h, e) = (1e-4, [Vector3::x(), Vector3::y(), Vector3::z()]);
+                for i in 0..3 {
+                    let slope = (moved(h * e[i]) - moved(-h * e[i])) / (2.0 * h);
+                    prop_assert!((slope - here.gradient[i]).abs() < 1e-6);
+                    for j in 0..3 {
+                        let bend = moved(h * (e[i] + e[j])) - moved(h * (e[i] - e[j]))
+                            - moved(h * (e[j] - e[i])) + moved(-h * (e[i] + e[j]));
+                        prop_assert!((bend / (4.0 * h * h) - here.hessian[(i, j)]).abs() < 1e-5);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn both_forms_have_one_minimum(n in matrix(), r in matrix(), x in matrix()) {
+            let [short, general] = both_forms(n, r, x).map(|problem| problem.global_minimum(1e-3));
+            let (Ok(short), Ok(general)) = (short, general) else { return Ok(()) };
+            let scale = short.minimum.cost.abs() + 1.0;
+            prop_assert!((short.minimum.cost - general.minimum.cost).abs() < 1e-9 * scale);
+        }
+
+        #[test]
+        fn logarithm_undoes_the_exponential(c in proptest::array::uniform3(-1.8..1.8f64)) {
+            let theta = Vector3::from(c);
+            prop_assert!((logarithm(&exponential(&theta)) - theta).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn wrong_weights_are_refused() {
+        let good = Matrix3::identity();
+        let refusal = |normal, spread| {
+            AttitudeProblem::Separable { normal, spread, cross: good }.minimum().unwrap_err()
+        };
+        let indefinite = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -0.1));
+        assert!(matches!(refusal(indefinite, good), AttitudeError::Indefinite { .. }));
+        let lopsided = Matrix3::new(1.0, 0.1, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        assert!(matches!(refusal(lopsided, good), AttitudeError::NotSymmetric { .. }));
+        let nan = Matrix3::repeat(f64::NAN);
+        assert!(matches!(refusal(good, nan), AttitudeError::NotFinite { .. }));
+        assert_eq!(refusal(good, Matrix3::zeros()), AttitudeError::Unobservable);
+        let line = Vector3::z() * Vector3::z().transpose();
+        assert_eq!(refusal(good, line), AttitudeError::Unobservable);
+    }
+
+    /// From a maximum, where the gradient vanishes, the way down is found.
+    #[test]
+    fn a_maximum_does_not_hold_the_iteration() {
+        let cross = Matrix3::from_diagonal(&Vector3::new(3.0, 2.0, 1.0));
+        let eye = Matrix3::identity();
+        let problem = AttitudeProblem::Separable { normal: eye, spread: eye, cross };
+        let upside_down = Matrix3::from_diagonal(&Vector3::new(-1.0, -1.0, 1.0));
+        let minimum = problem.minimum_from(upside_down).unwrap();
+        assert!((minimum.rotation - eye).norm() < 1e-12, "{minimum:?}");
+    }
 }
