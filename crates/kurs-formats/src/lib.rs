@@ -5,6 +5,7 @@ pub mod content;
 pub mod damage;
 pub mod navigation;
 pub mod observations;
+pub mod positions;
 pub mod rinex;
 pub mod session;
 pub mod source;

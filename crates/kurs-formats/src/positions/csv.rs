@@ -1,0 +1,262 @@
+//! Tables of coordinates: one row for each antenna and time, columns found by their names.
+//!
+//! Time: `gps_week, tow_s` or `time_utc` (`2024-05-01T12:00:00.5Z`). Antenna: `name`. Place:
+//! `latitude_deg, longitude_deg, height_m` (WGS 84, above the ellipsoid) or `x_m, y_m, z_m` (ECEF).
+//! Optional: `sd_north_m, sd_east_m, sd_down_m`. Other columns are passed over.
+
+use kurs::frames::{Geodetic, Vector};
+use kurs::time::{Calendar, GpsTime};
+
+use super::PositionFix;
+use crate::damage::DamageLog;
+use crate::source::{ReadError, Source};
+
+/// Receivers do not stand further from the Earth's centre than this, nor nearer than a tenth of it.
+const FARTHEST_M: f64 = 5e7;
+
+/// Where the columns of a table are.
+struct Columns {
+    time: TimeColumns,
+    name: usize,
+    place: PlaceColumns,
+    sd: Option<[usize; 3]>,
+    /// Fields that a row must have at least.
+    count: usize,
+}
+
+enum TimeColumns {
+    WeekTow([usize; 2]),
+    Utc(usize),
+}
+
+enum PlaceColumns {
+    Geodetic([usize; 3]),
+    Ecef([usize; 3]),
+}
+
+/// Reads a table; `antennas` are the names that count, rows of others are passed over.
+///
+/// Rows that cannot be used are noted in `damage`, the rest is read.
+///
+/// # Errors
+///
+/// [`ReadError`] if the file cannot be read, or its header lacks a column.
+pub fn read(
+    source: &mut Source,
+    antennas: &[String],
+    damage: &mut DamageLog,
+    mut take: impl FnMut(PositionFix),
+) -> Result<(), ReadError> {
+    let expected = "a table with a header line of column names";
+    if !source.advance()? {
+        return Err(source.wrong_content("an empty file", expected));
+    }
+    let header = String::from_utf8_lossy(source.line()).into_owned();
+    let columns = Columns::of(&header).map_err(|what| source.bad_line(what))?;
+    while source.advance()? {
+        let number = source.line_number();
+        let line = source.line();
+        if line.trim_ascii().is_empty() {
+            continue;
+        }
+        match columns.fix(line, antennas) {
+            Ok(Some(fix)) => take(fix),
+            Ok(None) => {}
+            Err(what) => damage.note(number, what),
+        }
+    }
+    Ok(())
+}
+
+impl Columns {
+    fn of(header: &str) -> Result<Self, String> {
+        let names: Vec<&str> = header
+            .trim_start_matches('\u{feff}')
+            .split(',')
+            .map(|name| unquoted(name.trim()))
+            .collect();
+        let find = |name: &str| names.iter().position(|found| *found == name);
+        let three = |[a, b, c]: [&str; 3]| Some([find(a)?, find(b)?, find(c)?]);
+        let missing = |what: &str| format!("column {what} is missing; found: {header}");
+
+        let time = match (find("gps_week"), find("tow_s"), find("time_utc")) {
+            (Some(week), Some(tow), _) => TimeColumns::WeekTow([week, tow]),
+            (_, _, Some(utc)) => TimeColumns::Utc(utc),
+            _ => return Err(missing("`gps_week` with `tow_s`, or `time_utc`,")),
+        };
+        let geodetic = three(["latitude_deg", "longitude_deg", "height_m"]);
+        let place = match (geodetic, three(["x_m", "y_m", "z_m"])) {
+            (Some(geodetic), _) => PlaceColumns::Geodetic(geodetic),
+            (None, Some(ecef)) => PlaceColumns::Ecef(ecef),
+            (None, None) => {
+                let what = "`latitude_deg`, `longitude_deg`, `height_m`, or `x_m`, `y_m`, `z_m`,";
+                return Err(missing(what));
+            }
+        };
+        Ok(Self {
+            time,
+            name: find("name").ok_or_else(|| missing("`name`"))?,
+            place,
+            sd: three(["sd_north_m", "sd_east_m", "sd_down_m"]),
+            count: names.len(),
+        })
+    }
+
+    /// One row; `None` for an antenna that is not asked for.
+    fn fix(&self, line: &[u8], antennas: &[String]) -> Result<Option<PositionFix>, String> {
+        const MOST: usize = 64;
+        let mut fields = [&[][..]; MOST];
+        let mut count = 0;
+        for field in line.split(|byte| *byte == b',') {
+            if let Some(slot) = fields.get_mut(count) {
+                *slot = field.trim_ascii();
+            }
+            count += 1;
+        }
+        if count < self.count || self.count > MOST {
+            return Err(format!("{count} fields where the header has {}", self.count));
+        }
+        let name = text(fields[self.name])?;
+        let Some(antenna) = antennas.iter().position(|antenna| antenna == name) else {
+            return Ok(None);
+        };
+        let numbers = |columns: &[usize; 3]| -> Result<[f64; 3], String> {
+            Ok([
+                number(fields[columns[0]])?,
+                number(fields[columns[1]])?,
+                number(fields[columns[2]])?,
+            ])
+        };
+        let time = match &self.time {
+            TimeColumns::WeekTow([week, tow]) => {
+                let (week, tow) = (text(fields[*week])?, number(fields[*tow])?);
+                let week: i32 = week.parse().map_err(|_| format!("week `{week}` is no number"))?;
+                GpsTime::from_week_tow(week, tow).ok_or(format!("no time: week {week}, {tow} s"))?
+            }
+            TimeColumns::Utc(column) => {
+                let word = text(fields[*column])?;
+                parse_utc(word).ok_or(format!("no time: `{word}`"))?
+            }
+        };
+        let position_m = match &self.place {
+            PlaceColumns::Ecef(columns) => {
+                let [x, y, z] = numbers(columns)?;
+                Vector::new(x, y, z)
+            }
+            PlaceColumns::Geodetic(columns) => {
+                let [latitude, longitude, height] = numbers(columns)?;
+                if latitude.abs() > 90.0 || longitude.abs() > 360.0 {
+                    return Err(format!("no place: latitude {latitude}, longitude {longitude}"));
+                }
+                Geodetic::from_degrees(latitude, longitude, height).to_ecef()
+            }
+        };
+        if !(0.1 * FARTHEST_M..FARTHEST_M).contains(&position_m.norm()) {
+            return Err(format!("{:.0} m from the Earth's centre", position_m.norm()));
+        }
+        let sd_ned_m = match &self.sd {
+            Some(columns) if columns.iter().all(|column| !fields[*column].is_empty()) => {
+                let sd = numbers(columns)?;
+                if sd.iter().any(|sd| *sd <= 0.0) {
+                    return Err(format!("standard deviations {sd:?} are not positive"));
+                }
+                Some(sd)
+            }
+            _ => None,
+        };
+        Ok(Some(PositionFix { time, antenna, position_m, sd_ned_m }))
+    }
+}
+
+/// `2024-05-01T12:00:00.5Z`, with a blank for `T`, with or without the `Z`.
+fn parse_utc(word: &str) -> Option<GpsTime> {
+    let word = word.strip_suffix('Z').unwrap_or(word);
+    let (date, time) = word.split_once(['T', ' '])?;
+    let mut date = date.split('-');
+    let mut time = time.split(':');
+    let calendar = Calendar {
+        year: date.next()?.parse().ok()?,
+        month: date.next()?.parse().ok()?,
+        day: date.next()?.parse().ok()?,
+        hour: time.next()?.parse().ok()?,
+        minute: time.next()?.parse().ok()?,
+        second: time.next()?.parse().ok()?,
+    };
+    if date.next().is_some() || time.next().is_some() {
+        return None;
+    }
+    GpsTime::from_utc(calendar)
+}
+
+fn text(field: &[u8]) -> Result<&str, String> {
+    core::str::from_utf8(field).map(unquoted).map_err(|_| "a field is not text".to_owned())
+}
+
+fn number(field: &[u8]) -> Result<f64, String> {
+    let word = text(field)?;
+    let value: f64 = word.parse().map_err(|_| format!("`{word}` is no number"))?;
+    if value.is_finite() { Ok(value) } else { Err(format!("`{word}` is not finite")) }
+}
+
+fn unquoted(word: &str) -> &str {
+    word.strip_prefix('"').and_then(|word| word.strip_suffix('"')).unwrap_or(word)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixes(text: &'static str) -> (Result<Vec<PositionFix>, ReadError>, DamageLog) {
+        let mut source = Source::new(text.as_bytes(), "t.csv").unwrap();
+        let (mut found, mut damage) = (Vec::new(), DamageLog::default());
+        let names = ["bow".to_owned(), "stern".to_owned()];
+        let result = read(&mut source, &names, &mut damage, |fix| found.push(fix));
+        (result.map(|()| found), damage)
+    }
+
+    #[test]
+    fn both_kinds_of_time_and_place() {
+        let (by_week, damage) = fixes(
+            "name,gps_week,tow_s,x_m,y_m,z_m,sd_north_m,sd_east_m,sd_down_m\n\
+             stern, 2200,100.5, 6378137.0,0,0, 0.01,0.02,0.03\n\
+             mast,2200,100.5,6378137,0,0,1,1,1\n",
+        );
+        let by_week = by_week.unwrap();
+        assert_eq!((by_week.len(), damage.total()), (1, 0));
+        assert_eq!(by_week[0].antenna, 1);
+        assert_eq!(by_week[0].sd_ned_m, Some([0.01, 0.02, 0.03]));
+        // 2022-03-06 is the first day of GPS week 2200; UTC was 18 s behind.
+        let (by_date, _) = fixes(
+            "time_utc,name,latitude_deg,longitude_deg,height_m,note\r\n\
+             2022-03-06T00:01:22.5Z,\"stern\",0,0,0,x\r\n",
+        );
+        let by_date = by_date.unwrap();
+        assert_eq!(by_date[0].time, by_week[0].time);
+        assert!((by_date[0].position_m - by_week[0].position_m).norm() < 1e-8);
+        assert_eq!(by_date[0].sd_ned_m, None);
+    }
+
+    #[test]
+    fn bad_rows_are_noted_and_the_rest_is_read() {
+        let (found, damage) = fixes(
+            "gps_week,tow_s,name,x_m,y_m,z_m\n\
+             2200,1,bow,6378137,0\n\
+             2200,1,bow,6378137,zero,0\n\
+             2200,700000,bow,6378137,0,0\n\
+             2200,1,bow,0,0,0\n\
+             2200,1,bow,NaN,0,0\n\
+             2200,1,bow,6378137,0,0\n",
+        );
+        assert_eq!(found.unwrap().len(), 1);
+        assert_eq!(damage.total(), 5);
+        assert_eq!(damage.listed()[0].line, 2);
+    }
+
+    #[test]
+    fn a_missing_column_is_named() {
+        let (found, _) = fixes("name,x_m,y_m,z_m\n");
+        assert!(found.unwrap_err().to_string().contains("`gps_week` with `tow_s`"));
+        let (found, _) = fixes("gps_week,tow_s,x_m,y_m,z_m\n");
+        assert!(found.unwrap_err().to_string().contains("`name`"));
+    }
+}

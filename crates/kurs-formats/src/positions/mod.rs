@@ -1,0 +1,20 @@
+//! Coordinates that receivers give themselves: tables ([`csv`]) and NMEA logs ([`nmea`]).
+
+pub mod csv;
+pub mod nmea;
+
+use kurs::frames::{Ecef, Vector};
+use kurs::time::GpsTime;
+
+/// Where one antenna was at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionFix {
+    /// When.
+    pub time: GpsTime,
+    /// Which antenna: its place in the list of names that was given to the reader.
+    pub antenna: usize,
+    /// Where.
+    pub position_m: Vector<Ecef>,
+    /// Standard deviations north, east, down, m, if the receiver states them.
+    pub sd_ned_m: Option<[f64; 3]>,
+}
