@@ -92,12 +92,7 @@ pub(crate) fn print_table(scenes: usize) {
     println!("| method | median, deg | 95 % | largest | ‖QᵀQ − I‖ |");
     println!("|---|---|---|---|---|");
     for Errors { name, angles_deg, defect } in errors(scenes) {
-        let at = |share: f64| angles_deg[((scenes - 1) as f64 * share).round() as usize];
-        println!(
-            "| {name} | {:.1e} | {:.1e} | {:.1e} | {defect:.0e} |",
-            at(0.5),
-            at(0.95),
-            at(1.0)
-        );
+        let at = |percent: usize| angles_deg[(scenes - 1) * percent / 100];
+        println!("| {name} | {:.1e} | {:.1e} | {:.1e} | {defect:.0e} |", at(50), at(95), at(100));
     }
 }

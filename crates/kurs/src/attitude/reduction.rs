@@ -146,11 +146,11 @@ impl PhaseNormal {
     /// `L* = N⁻¹ b`: each baseline on its own, m. `None` where the satellites do not determine one.
     #[must_use]
     pub fn baselines_m(&self) -> Option<Vec<Vector3<f64>>> {
-        let eigenvalues = self.normal.symmetric_eigenvalues();
-        if eigenvalues.min() <= 1e-12 * eigenvalues.max() {
+        let cholesky = self.normal.cholesky()?;
+        let pivots = cholesky.l_dirty().diagonal();
+        if pivots.min() <= 1e-6 * pivots.max() {
             return None;
         }
-        let cholesky = self.normal.cholesky()?;
         Some(self.moments.iter().map(|moment| cholesky.solve(moment)).collect())
     }
 
