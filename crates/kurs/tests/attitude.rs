@@ -1,4 +1,5 @@
 //! Properties of the attitude methods on random problems, and reduced runs of the studies.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 #[path = "../examples/attitude_study/continuation.rs"]
 #[allow(dead_code)] // the printed table is the example's
