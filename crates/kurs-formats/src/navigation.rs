@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use kurs::ephemeris::NavigationData;
 use kurs::signal::System;
 
+use crate::content::Content;
 use crate::damage::DamageLog;
 use crate::rinex;
 use crate::source::{ReadError, Source};
@@ -30,16 +31,12 @@ pub struct ReadSummary {
 ///
 /// [`ReadError`] if reading fails or the content is something else.
 pub fn read(source: &mut Source, data: &mut NavigationData) -> Result<ReadSummary, ReadError> {
-    if !source.advance()? {
-        return Err(source.wrong_content("an empty file", EXPECTED));
-    }
+    let content = Content::of(source.start(Content::ENOUGH)?);
     let mut summary = ReadSummary::default();
-    if let Some(version) = rinex::navigation::version_of(source.line()) {
-        rinex::navigation::read(source, version, data, &mut summary)?;
-    } else if sp3::is_first_line(source.line()) {
-        sp3::read(source, &mut data.ephemerides, &mut summary)?;
-    } else {
-        return Err(source.wrong_content(appearance(source.line()), EXPECTED));
+    match content {
+        Content::RinexNavigation => rinex::navigation::read(source, data, &mut summary)?,
+        Content::Sp3 => sp3::read(source, &mut data.ephemerides, &mut summary)?,
+        other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
     }
     if let Some(reason) = source.broken_off() {
         summary.damage.note(source.line_number(), reason.to_owned());
@@ -48,14 +45,3 @@ pub fn read(source: &mut Source, data: &mut NavigationData) -> Result<ReadSummar
 }
 
 const EXPECTED: &str = "a navigation file (RINEX 2, 3 or 4) or precise orbits (SP3)";
-
-/// What a first line looks like, for the message.
-fn appearance(line: &[u8]) -> String {
-    let text = String::from_utf8_lossy(line);
-    if text.contains("RINEX VERSION / TYPE") || text.contains("CRINEX VERS") {
-        let kind = text.chars().skip(20).take(20).collect::<String>();
-        return format!("a RINEX file of type {:?}", kind.trim());
-    }
-    let start: String = text.chars().take(40).collect();
-    format!("a file that starts with {start:?}")
-}

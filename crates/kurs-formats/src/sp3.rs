@@ -21,12 +21,7 @@ const NO_CLOCK_US: f64 = 999_999.0;
 /// TAI − GPST.
 const TAI_MINUS_GPST_S: f64 = 19.0;
 
-/// Whether a file that begins like this is SP3.
-pub(crate) fn is_first_line(line: &[u8]) -> bool {
-    matches!(line, [b'#', b'a'..=b'd', b'P' | b'V', ..])
-}
-
-/// Reads what follows the first line.
+/// Reads a whole file.
 pub(crate) fn read(
     source: &mut Source,
     store: &mut EphemerisStore,

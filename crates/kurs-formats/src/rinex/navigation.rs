@@ -13,42 +13,44 @@ use kurs::signal::System;
 
 use self::record::{Kind, Record};
 use crate::navigation::ReadSummary;
+use crate::rinex::fields::{columns, decimal, text};
 use crate::source::{ReadError, Source};
 
 /// What the first line of the file says.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Version {
+#[derive(Debug, Clone, Copy)]
+struct Version {
     /// 2, 3 or 4.
     major: u8,
     /// RINEX 2: the system of all records without a system letter.
     system: System,
 }
 
-/// The version in the first line of a RINEX navigation file; `None` if it is none.
-pub(crate) fn version_of(line: &[u8]) -> Option<Version> {
-    let label = line.get(60..)?;
-    if !label.starts_with(b"RINEX VERSION / TYPE") {
-        return None;
-    }
-    let version = str::from_utf8(line.get(..9)?).ok()?.trim().parse::<f64>().ok()?;
-    let major = [2, 3, 4].into_iter().find(|major| version.floor() == f64::from(*major))?;
-    let system = match (major, line.get(20)?) {
-        (2, b'G') => System::Glonass,
-        (2, b'H') => System::Sbas,
-        (2, b'E' | b'L') => System::Galileo,
-        (_, b'N') => System::Gps,
-        _ => return None,
+/// Reads the first line.
+fn version(source: &mut Source) -> Result<Version, ReadError> {
+    source.advance()?;
+    let line = source.line();
+    let major = decimal(columns(line, 0..9))
+        .and_then(|version| [2, 3, 4].into_iter().find(|m| version.floor() == f64::from(*m)))
+        .ok_or_else(|| {
+            let found = format!("version {:?}", text(line, 0..9));
+            source.wrong_content(found, "RINEX navigation data of version 2, 3 or 4")
+        })?;
+    let system = match line.get(20) {
+        Some(b'G') => System::Glonass,
+        Some(b'H') => System::Sbas,
+        Some(b'L') => System::Galileo,
+        _ => System::Gps,
     };
-    Some(Version { major, system })
+    Ok(Version { major, system })
 }
 
-/// Reads what follows the first line.
+/// Reads a whole file.
 pub(crate) fn read(
     source: &mut Source,
-    version: Version,
     data: &mut NavigationData,
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
+    let version = version(source)?;
     header::read(source, data, summary)?;
     let mut record = Record::default();
     while source.advance()? {
