@@ -41,7 +41,23 @@ impl Decorrelation {
     /// Those of [`Ldl::factor`], and [`AmbiguityError::OutOfRange`] for correlations so strong
     /// that the integers of `Z` would not be exact.
     pub fn compute(&mut self, covariance: &DMatrix<f64>) -> Result<(), AmbiguityError> {
-        self.ldl.factor(covariance)?;
+        self.compute_in_blocks(covariance, &[covariance.nrows()])
+    }
+
+    /// As [`compute`](Self::compute), but ambiguities change places only within consecutive blocks
+    /// of the sizes `blocks`: the search then comes to the last block first, and to the first one
+    /// last.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`compute`](Self::compute), and [`AmbiguityError::Dimension`] if the blocks do not
+    /// add up.
+    pub fn compute_in_blocks(
+        &mut self,
+        covariance: &DMatrix<f64>,
+        blocks: &[usize],
+    ) -> Result<(), AmbiguityError> {
+        self.ldl.factor(covariance, blocks)?;
         self.steps.clear();
         let n = self.dimension();
         let mut exchanges_left = MAX_EXCHANGES_PER_PAIR * n * n;
@@ -55,7 +71,9 @@ impl Decorrelation {
             let multiple = l.round();
             let exchanged =
                 self.ldl.variances[k] + (l - multiple).powi(2) * self.ldl.variances[k + 1];
-            if exchanged < (1.0 - MIN_GAIN) * self.ldl.variances[k + 1] && exchanges_left > 0 {
+            let one_block = self.ldl.block_starts[k] == self.ldl.block_starts[k + 1];
+            let gains = exchanged < (1.0 - MIN_GAIN) * self.ldl.variances[k + 1];
+            if one_block && gains && exchanges_left > 0 {
                 self.subtract(k, k + 1, multiple)?;
                 if multiple.abs() > 1.0 {
                     // A large multiple makes the rest of the column large: keep it small.

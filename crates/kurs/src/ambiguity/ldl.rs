@@ -21,22 +21,36 @@ pub struct Ldl {
     pub variances: Vec<f64>,
     /// Position `i` of the factorization is ambiguity `order[i]` of the covariance.
     pub order: Vec<usize>,
+    /// The first position of the block to which position `i` belongs.
+    pub block_starts: Vec<usize>,
 }
 
 impl Default for Ldl {
     fn default() -> Self {
-        Self { lower: DMatrix::zeros(0, 0), variances: Vec::new(), order: Vec::new() }
+        Self {
+            lower: DMatrix::zeros(0, 0),
+            variances: Vec::new(),
+            order: Vec::new(),
+            block_starts: Vec::new(),
+        }
     }
 }
 
 impl Ldl {
     /// Factors `covariance` (`n × n`, cycles²; its lower triangle is read), reusing memory.
     ///
+    /// Ambiguities change places only within consecutive blocks of the sizes `blocks`; give
+    /// `&[n]` for free choice.
+    ///
     /// # Errors
     ///
-    /// [`AmbiguityError::Empty`], [`AmbiguityError::Dimension`] if it is not square, and
-    /// [`AmbiguityError::NotPositiveDefinite`].
-    pub fn factor(&mut self, covariance: &DMatrix<f64>) -> Result<(), AmbiguityError> {
+    /// [`AmbiguityError::Empty`], [`AmbiguityError::Dimension`] if it is not square or the blocks
+    /// do not add up, and [`AmbiguityError::NotPositiveDefinite`].
+    pub fn factor(
+        &mut self,
+        covariance: &DMatrix<f64>,
+        blocks: &[usize],
+    ) -> Result<(), AmbiguityError> {
         let n = covariance.nrows();
         if n == 0 {
             return Err(AmbiguityError::Empty);
@@ -44,6 +58,19 @@ impl Ldl {
         if covariance.ncols() != n {
             let found = covariance.ncols();
             return Err(AmbiguityError::Dimension { what: "the covariance", found, expected: n });
+        }
+        let found = blocks.iter().sum();
+        if found != n {
+            return Err(AmbiguityError::Dimension {
+                what: "the sum of the blocks",
+                found,
+                expected: n,
+            });
+        }
+        self.block_starts.clear();
+        for &size in blocks {
+            let start = self.block_starts.len();
+            self.block_starts.resize(start + size, start);
         }
         self.lower.clone_from(covariance);
         self.variances.clear();
@@ -55,7 +82,7 @@ impl Ldl {
         let mut row = vec![0.0; n];
         for i in (0..n).rev() {
             let mut pivot = i;
-            for j in 0..i {
+            for j in self.block_starts[i]..i {
                 if q[j + j * n] < q[pivot + pivot * n] {
                     pivot = j;
                 }
@@ -127,7 +154,7 @@ mod tests {
     #[test]
     fn product_gives_the_covariance_back() {
         let mut factors = Ldl::default();
-        factors.factor(&faq_covariance()).unwrap();
+        factors.factor(&faq_covariance(), &[3]).unwrap();
         assert!((rebuilt(&factors) - faq_covariance()).amax() < 1e-14);
         assert_eq!(factors.order[2], 2, "6.288 is the smallest variance");
     }
@@ -138,20 +165,22 @@ mod tests {
         let mut factors = Ldl::default();
         for case in 0..1000 {
             let q = random_covariance(&mut random, 1 + case % 40);
-            factors.factor(&q).unwrap();
+            let first = case % (1 + case % 40);
+            factors.factor(&q, &[first, q.nrows() - first]).unwrap();
             let error = (rebuilt(&factors) - &q).amax() / q.amax();
             assert!(error < 1e-13, "case {case}: {error:e}");
+            assert!(factors.order[..first].iter().all(|&i| i < first), "blocks stay together");
         }
     }
 
     #[test]
     fn singular_covariance_is_named_not_panicked() {
         let q = DMatrix::from_element(2, 2, 1.0);
-        let found = Ldl::default().factor(&q);
+        let found = Ldl::default().factor(&q, &[2]);
         assert_eq!(found, Err(AmbiguityError::NotPositiveDefinite { index: 0, variance: 0.0 }));
-        let not_square = Ldl::default().factor(&DMatrix::zeros(2, 3));
+        let not_square = Ldl::default().factor(&DMatrix::zeros(2, 3), &[2]);
         assert!(matches!(not_square, Err(AmbiguityError::Dimension { found: 3, expected: 2, .. })));
-        let not_a_number = Ldl::default().factor(&DMatrix::from_element(2, 2, f64::NAN));
+        let not_a_number = Ldl::default().factor(&DMatrix::from_element(2, 2, f64::NAN), &[2]);
         assert!(matches!(not_a_number, Err(AmbiguityError::NotPositiveDefinite { .. })));
     }
 }

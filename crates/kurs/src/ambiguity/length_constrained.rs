@@ -5,35 +5,19 @@
 //!     |â − z|²_Qa  +  |b̌(z) − b|²_Qb|a  +  (|b| − l)² / σ²
 //! ```
 //!
-//! The integers are fixed one after the other, in the decorrelated order. When those from level
-//! `k` on are fixed, let the others and the baseline be real: then the baseline has a conditional
-//! estimate `b̌ₖ` and covariance `Qₖ`, and
-//!
-//! ```text
-//! Σᵢ wᵢ²/dᵢ (i >= k)  +  min over b of |b̌ₖ − b|²_Qₖ + (|b| − l)²/σ²
-//! b̌ₖ = b̂ − Σᵢ γᵢ wᵢ (i >= k),     Qₖ = Q_b|a + Σᵢ γᵢ γᵢᵀ dᵢ (i < k)
-//! ```
-//!
-//! is the exact minimum of this relaxation: a lower bound for all integers below, and the cost
-//! itself once every integer is fixed. It grows from level to level. Branches are opened in the
-//! order of their bounds, so that candidates come out in the order of their costs, and the first
-//! is proven to be the best. The length prunes as soon as the integers determine the baseline.
-//!
-//! Problem: Teunissen (2010), *Integer least-squares theory for the GNSS compass*, J. Geodesy 84.
-
-use std::{cmp::Ordering, collections::BinaryHeap};
+//! by the search of [`best_first`](super::best_first), with the [`sphere`](super::sphere) as its
+//! constraint. Problem: Teunissen (2010), *Integer least-squares theory for the GNSS compass*,
+//! J. Geodesy 84.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{
     AmbiguityError, MixedFloat,
+    best_first::{BestFirst, Constraint, DEFAULT_NODE_BUDGET, Extent, Levels},
     decorrelate::Decorrelation,
-    search::{DEFAULT_HORIZON, whole_and_fraction},
+    search::DEFAULT_HORIZON,
     sphere::{Length, SphereMetric},
 };
-
-/// Branches that a search opens by default before it gives up: some tens of milliseconds.
-pub const DEFAULT_NODE_BUDGET: usize = 100_000;
 
 /// An integer vector, the baseline that goes with it, and what both cost together.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +38,9 @@ pub struct LengthConstrained {
     /// Vectors that cost more than the best by more than this are not looked for. With strong
     /// models most of the time would go into the proof of a rival that cannot matter.
     pub horizon: f64,
-    proven_to: f64,
     decorrelation: Decorrelation,
-    nodes: Vec<Node>,
-    queue: BinaryHeap<Queued>,
+    tree: BestFirst<3, f64>,
+    proven_to: f64,
 }
 
 impl Default for LengthConstrained {
@@ -65,10 +48,9 @@ impl Default for LengthConstrained {
         Self {
             node_budget: DEFAULT_NODE_BUDGET,
             horizon: DEFAULT_HORIZON,
-            proven_to: f64::NAN,
             decorrelation: Decorrelation::default(),
-            nodes: Vec::new(),
-            queue: BinaryHeap::new(),
+            tree: BestFirst::default(),
+            proven_to: f64::NAN,
         }
     }
 }
@@ -86,18 +68,20 @@ impl LengthConstrained {
         length: Length,
         count: usize,
     ) -> Result<Vec<LengthCandidate>, AmbiguityError> {
-        let n = float.checked_dimension(3)?;
-        let (whole, fraction) = whole_and_fraction(float.ambiguities.as_slice(), n)?;
         self.decorrelation.compute(&float.ambiguity_covariance)?;
-        let levels = Levels::new(&self.decorrelation, float, &fraction, length)?;
-        let leaves = self.cheapest(&levels, count)?;
-        leaves.into_iter().map(|leaf| self.candidate(leaf, &levels, &whole)).collect()
-    }
-
-    /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
-    #[must_use]
-    pub fn decorrelation(&self) -> &Decorrelation {
-        &self.decorrelation
+        let levels = Levels::<3>::new(&self.decorrelation, float)?;
+        let conditional: Matrix3<f64> =
+            float.conditional_covariance_m2.fixed_view::<3, 3>(0, 0).into();
+        let spheres = Spheres::new(levels.covariances(conditional), length)?;
+        let extent = Extent { count, horizon: self.horizon, node_budget: self.node_budget };
+        let (leaves, proven_to) = self.tree.cheapest(&levels, &spheres, extent)?;
+        self.proven_to = proven_to;
+        let candidates = leaves.into_iter().map(|leaf| LengthCandidate {
+            integers: leaf.integers,
+            cost: leaf.cost,
+            baseline_m: spheres.0[0].nearest(&leaf.reals),
+        });
+        Ok(candidates.collect())
     }
 
     /// Every integer vector that the last call of [`solve`](Self::solve) has not returned costs at
@@ -107,228 +91,39 @@ impl LengthConstrained {
         self.proven_to
     }
 
-    /// Indices of the `count` cheapest leaves, cheapest first.
-    fn cheapest(&mut self, levels: &Levels, count: usize) -> Result<Vec<usize>, AmbiguityError> {
-        self.nodes.clear();
-        self.queue.clear();
-        let mut leaves: Vec<usize> = Vec::with_capacity(count);
-        self.push(levels.root());
-        while let Some(Queued { bound, node }) = self.queue.pop() {
-            self.proven_to = bound;
-            let end =
-                leaves.first().map_or(f64::INFINITY, |&best| self.nodes[best].bound + self.horizon);
-            if leaves.len() == count || bound > end {
-                break;
-            }
-            if self.nodes[node].free == 0 {
-                leaves.push(node);
-            } else {
-                self.open(levels, node, bound);
-            }
-            if self.nodes.len() > self.node_budget {
-                return Err(AmbiguityError::BudgetExceeded { nodes: self.nodes.len() });
-            }
-        }
-        Ok(leaves)
-    }
-
-    /// Queues the children of a node that may be as cheap as `bound`, and the rest as a whole.
-    fn open(&mut self, levels: &Levels, parent: usize, bound: f64) {
-        let k = self.nodes[parent].free - 1;
-        if self.nodes[parent].stride == 0.0 {
-            let center = self.center(levels, parent, k);
-            self.nodes[parent].start(center);
-        }
-        loop {
-            let node = &self.nodes[parent];
-            let residual = node.center - node.next_integer;
-            let norm = node.norm + residual * residual / levels.variances[k];
-            if norm.is_nan() {
-                return;
-            }
-            if norm > bound {
-                // Farther integers of this level have larger norms still.
-                self.queue.push(Queued { bound: norm, node: parent });
-                return;
-            }
-            let baseline_m = node.baseline_m - levels.gains_m[k] * residual;
-            let (inner, multiplier) = if k == 0 {
-                (levels.spheres[0].cost(&baseline_m), 0.0)
-            } else {
-                levels.spheres[k].lower_bound(&baseline_m, node.multiplier)
-            };
-            let child = Node {
-                free: k,
-                parent,
-                integer: node.next_integer,
-                residual,
-                norm,
-                bound: (norm + inner).max(node.bound),
-                baseline_m,
-                multiplier,
-                ..Node::default()
-            };
-            self.push(child);
-            self.nodes[parent].advance();
-        }
-    }
-
-    fn push(&mut self, node: Node) {
-        self.queue.push(Queued { bound: node.bound, node: self.nodes.len() });
-        self.nodes.push(node);
-    }
-
-    /// Conditional estimate of level `k`: `cₖ = ẑₖ − Σᵢ lᵢₖ wᵢ` for `i > k`.
-    fn center(&self, levels: &Levels, parent: usize, k: usize) -> f64 {
-        let n = levels.float.len();
-        let column = &self.decorrelation.lower().as_slice()[k * n..(k + 1) * n];
-        let mut center = levels.float[k];
-        let mut node = &self.nodes[parent];
-        while node.free < n {
-            center -= column[node.free] * node.residual;
-            node = &self.nodes[node.parent];
-        }
-        center
-    }
-
-    fn candidate(
-        &self,
-        leaf: usize,
-        levels: &Levels,
-        whole: &[i64],
-    ) -> Result<LengthCandidate, AmbiguityError> {
-        let n = whole.len();
-        let mut decorrelated = vec![0; n];
-        let mut node = &self.nodes[leaf];
-        while node.free < n {
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "saturates; the way back is checked"
-            )]
-            {
-                decorrelated[node.free] = node.integer as i64;
-            }
-            node = &self.nodes[node.parent];
-        }
-        let mut integers = self.decorrelation.original(&decorrelated)?;
-        for (integer, offset) in integers.iter_mut().zip(whole) {
-            *integer += offset;
-        }
-        let leaf = &self.nodes[leaf];
-        let baseline_m = levels.spheres[0].nearest(&leaf.baseline_m);
-        Ok(LengthCandidate { integers, cost: leaf.bound, baseline_m })
+    /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
+    #[must_use]
+    pub fn decorrelation(&self) -> &Decorrelation {
+        &self.decorrelation
     }
 }
 
-/// What the search needs per level; level `k` belongs to the decorrelated ambiguity `k`.
-struct Levels {
-    /// `ẑ`.
-    float: Vec<f64>,
-    /// `dₖ`, cycles².
-    variances: Vec<f64>,
-    /// `γₖ`, metres per cycle.
-    gains_m: Vec<Vector3<f64>>,
-    /// The sphere in the metric of `Qₖ`, when the ambiguities below `k` are real; `n + 1` of them.
-    spheres: Vec<SphereMetric>,
-    baseline_m: Vector3<f64>,
-}
+/// One sphere in the metrics of all levels.
+struct Spheres(Vec<SphereMetric>);
 
-impl Levels {
+impl Spheres {
     fn new(
-        decorrelation: &Decorrelation,
-        float: &MixedFloat,
-        fraction: &[f64],
+        covariances: impl Iterator<Item = Matrix3<f64>>,
         length: Length,
     ) -> Result<Self, AmbiguityError> {
-        let variances = decorrelation.conditional_variances().to_vec();
-        let gains = decorrelation.gains(&float.cross_covariance);
-        let gains_m: Vec<Vector3<f64>> =
-            gains.column_iter().map(|gain| gain.fixed_rows::<3>(0).into_owned()).collect();
-        // Qₖ₊₁ = Qₖ + γₖ γₖᵀ dₖ
-        let mut q: Matrix3<f64> = float.conditional_covariance_m2.fixed_view::<3, 3>(0, 0).into();
-        let mut spheres = vec![SphereMetric::new(&q, length)?];
-        for (gain, variance) in gains_m.iter().zip(&variances) {
-            q += gain * gain.transpose() * *variance;
-            spheres.push(SphereMetric::new(&q, length)?);
+        covariances.map(|q| SphereMetric::new(&q, length)).collect::<Result<_, _>>().map(Self)
+    }
+}
+
+impl Constraint<3> for Spheres {
+    type Multiplier = f64;
+
+    fn bound(&self, level: usize, reals: &Vector3<f64>, start: Option<f64>) -> (f64, f64) {
+        match start {
+            Some(multiplier) => self.0[level].lower_bound(reals, multiplier),
+            None => self.0[level].cost_and_multiplier(reals),
         }
-        let mut decorrelated = Vec::new();
-        decorrelation.decorrelated(fraction, &mut decorrelated);
-        let baseline_m = float.reals_m.fixed_rows::<3>(0).into();
-        Ok(Self { float: decorrelated, variances, gains_m, spheres, baseline_m })
     }
 
-    /// Nothing fixed yet.
-    fn root(&self) -> Node {
-        let n = self.float.len();
-        let (bound, multiplier) = self.spheres[n].cost_and_multiplier(&self.baseline_m);
-        Node { free: n, bound, baseline_m: self.baseline_m, multiplier, ..Node::default() }
+    fn cost(&self, reals: &Vector3<f64>, _: f64) -> Result<f64, AmbiguityError> {
+        Ok(self.0[0].cost(reals))
     }
 }
-
-/// A branch of the search: the integers from level `free` on are fixed.
-#[derive(Debug, Clone, Default)]
-struct Node {
-    /// Number of ambiguities that are not fixed yet, and the level that was fixed last.
-    free: usize,
-    /// Index of the node with one integer fewer.
-    parent: usize,
-    /// The integer of level `free`, and `w` there.
-    integer: f64,
-    residual: f64,
-    /// `Σ wᵢ²/dᵢ`.
-    norm: f64,
-    /// Lower bound of the cost; the cost itself if nothing is free.
-    bound: f64,
-    /// `b̌ₖ`.
-    baseline_m: Vector3<f64>,
-    /// `μ` of the bound: a good start for the children, whose metrics are narrower.
-    multiplier: f64,
-    /// Conditional estimate of the next level, the integer to try there, and the way to the one
-    /// after it: +1, −2, +3, … or the mirror image; zero before the node is opened.
-    center: f64,
-    next_integer: f64,
-    stride: f64,
-}
-
-impl Node {
-    fn start(&mut self, center: f64) {
-        self.center = center;
-        self.next_integer = center.round();
-        self.stride = if center < self.next_integer { -1.0 } else { 1.0 };
-    }
-
-    fn advance(&mut self) {
-        self.next_integer += self.stride;
-        self.stride = -self.stride - self.stride.signum();
-    }
-}
-
-/// A node in the queue: the least bound first, the older one if equal.
-#[derive(Debug, Clone)]
-struct Queued {
-    bound: f64,
-    node: usize,
-}
-
-impl Ord for Queued {
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.bound.total_cmp(&self.bound).then(other.node.cmp(&self.node))
-    }
-}
-
-impl PartialOrd for Queued {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Queued {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Queued {}
 
 #[cfg(test)]
 mod tests {

@@ -6,12 +6,16 @@
 //! 1. [`ldl`] factors the covariance, [`decorrelate`] makes the factor short to search,
 //! 2. [`search`] finds the integer vectors nearest in the metric of the covariance,
 //! 3. [`length_constrained`] does so when the length of the baseline is known, with the nearest
-//!    point of a [`sphere`] inside,
+//!    point of a [`sphere`] inside, and [`array_constrained`] when the shape of a whole array is,
+//!    with the nearest orthonormal [`frame`] inside,
 //! 4. [`success_rate`] says beforehand how often the nearest vector is the right one.
 
 use nalgebra::{DMatrix, DVector};
 
+pub mod array_constrained;
+mod best_first;
 pub mod decorrelate;
+pub mod frame;
 pub mod ldl;
 pub mod length_constrained;
 
@@ -59,6 +63,9 @@ pub enum AmbiguityError {
         /// Its value.
         value: f64,
     },
+    /// The best attitude for a candidate was not found.
+    #[error("the attitude of a candidate did not converge")]
+    NoAttitude,
     /// The search was stopped before it could prove its answer.
     #[error("no proof of the best integers within {nodes} nodes")]
     BudgetExceeded {
