@@ -2,7 +2,8 @@
 
 use divan::{Bencher, black_box};
 use kurs::ambiguity::{
-    MixedFloat, length_constrained::LengthConstrained, search::IntegerLeastSquares, sphere::Length,
+    MixedFloat, array_constrained::ArrayConstrained, length_constrained::LengthConstrained,
+    search::IntegerLeastSquares, sphere::Length,
 };
 use nalgebra::Vector3;
 
@@ -55,5 +56,23 @@ fn length_constrained(bencher: Bencher, n: usize) {
     let mut turn = epochs.iter().cycle();
     bencher.bench_local(move || {
         search.solve(turn.next().expect("a cycle has no end"), black_box(length), 2)
+    });
+}
+
+/// Three antennas at a right angle, 1 m, one band.
+#[divan::bench(args = [5, 6, 8, 10])]
+fn array_constrained(bencher: Bencher, satellites: usize) {
+    let body_m = [Vector3::x(), Vector3::y()];
+    let epochs = epochs(
+        satellites,
+        &[L1_M],
+        0.3,
+        &[Vector3::new(0.6, 0.8, 0.0), Vector3::new(-0.8, 0.6, 0.0)],
+    );
+    let mut search = ArrayConstrained::default();
+    let mut turn = epochs.iter().cycle();
+    bencher.bench_local(move || {
+        let float = turn.next().expect("a cycle has no end");
+        search.solve(float, &[satellites - 1; 2], black_box(&body_m), 0.002, 2)
     });
 }

@@ -5,6 +5,7 @@
 //! azimuth uniform, PDOP below 8; the same undifferenced standard deviations for all; heading
 //! uniform, pitch and roll within ± 20°; three antennas at a right angle with equal arms. An epoch
 //! counts as right when no other integer vector beats the true one.
+#![expect(clippy::print_stdout, reason = "the table is for reading")]
 
 use kurs::ambiguity::{
     AmbiguityError, MixedFloat, array_constrained::ArrayConstrained,
