@@ -45,10 +45,12 @@ pub enum Course {
         /// Speed.
         speed_mps: f64,
     },
-    /// Straight from rest with constant acceleration, level, in the first heading.
+    /// Straight from rest with constant acceleration, level.
     Accelerated {
         /// Acceleration.
         acceleration_mps2: f64,
+        /// Its azimuth.
+        azimuth_rad: f64,
     },
 }
 
@@ -148,8 +150,8 @@ impl ArmScenario {
             Course::Standing => Vector3::zeros(),
             Course::Uniform { speed_mps } => along(self.heading_rad, speed_mps),
             Course::AlongHeading { speed_mps } => along(self.heading_at_rad(time_s), speed_mps),
-            Course::Accelerated { acceleration_mps2 } => {
-                along(self.heading_rad, acceleration_mps2 * time_s)
+            Course::Accelerated { acceleration_mps2, azimuth_rad } => {
+                along(azimuth_rad, acceleration_mps2 * time_s)
             }
         }
     }

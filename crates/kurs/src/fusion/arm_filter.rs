@@ -505,7 +505,7 @@ impl ArmFilter {
 }
 
 impl Tally {
-    fn of(outcomes: &[super::kalman::Outcome]) -> Self {
+    pub(super) fn of(outcomes: &[super::kalman::Outcome]) -> Self {
         let used = outcomes.iter().filter(|outcome| outcome.accepted).count();
         let nis = outcomes.iter().map(|outcome| outcome.normalised_square).sum();
         Self { used, rejected: outcomes.len() - used, nis }

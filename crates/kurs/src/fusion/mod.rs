@@ -2,14 +2,19 @@
 //! multi-antenna attitude carried on by a gyro.
 //!
 //! The rotating arm, in the order of its data: axes and angles of the paper ([`nhe`], [`gravity`],
-//! [`local_level`]), the arm ([`arm`]), what is measured ([`gradient`], [`published_model`],
-//! [`arm_model`]), the state ([`layout`], [`attitude_form`]), the filters ([`kalman`],
-//! [`published_filter`]).
+//! [`local_level`]), the arm ([`arm`]), what is measured ([`ranging`], [`gradient`],
+//! [`published_model`], [`arm_model`]), the state ([`layout`], [`attitude_form`],
+//! [`process_noise`]), the filters ([`kalman`], [`published_filter`], [`arm_filter`]).
+//!
+//! For every other body: [`attitude_filter`] and its [`smoother`]; for one tilt angle,
+//! [`complementary`]. Late measurements are put in order by [`time_order`].
 
 pub mod arm;
 pub mod arm_filter;
 pub mod arm_model;
+pub mod attitude_filter;
 pub mod attitude_form;
+pub mod complementary;
 pub mod gradient;
 pub mod gravity;
 pub mod kalman;
@@ -21,3 +26,5 @@ pub mod process_noise;
 pub mod published_filter;
 pub mod published_model;
 pub mod ranging;
+pub mod smoother;
+pub mod time_order;
