@@ -24,6 +24,8 @@ struct Whitened {
 struct Phases {
     factor: Cholesky<f64, Dyn>,
     design: DMatrix<f64>,
+    /// `L⁻¹ A_Φ`
+    whitened_design: DMatrix<f64>,
     misclosure_m: DVector<f64>,
     covariance_m2: DMatrix<f64>,
     wavelengths_m: DVector<f64>,
@@ -54,7 +56,8 @@ pub struct FloatSolution {
     /// Number of satellites with a double-differenced phase.
     pub satellites: usize,
     factors: VarianceFactors,
-    code_normal: DMatrix<f64>,
+    /// `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`
+    conditional_normal: DMatrix<f64>,
     code_right: DVector<f64>,
     phases: Vec<Phases>,
 }
@@ -164,6 +167,11 @@ impl FloatSolution {
         let a_priori_fit = Fit { sum: squares, freedom: rows - unknowns };
         let factors = factors(a_priori_fit);
 
+        let mut conditional_normal = code_normal / factors.code;
+        for group in &phases {
+            let whitened = &group.whitened_design;
+            conditional_normal.gemm_tr(1.0 / factors.phase, whitened, whitened, 1.0);
+        }
         let satellites = satellites_with_phase(links, &phases);
         let mut float = Self {
             reference,
@@ -176,7 +184,7 @@ impl FloatSolution {
             code_fit: Fit { sum: squares / factors.code, ..a_priori_fit },
             satellites,
             factors,
-            code_normal: code_normal / factors.code,
+            conditional_normal,
             code_right: code_right / factors.code,
             phases,
         };
@@ -222,13 +230,7 @@ impl FloatSolution {
     /// `Q_x|a = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹`, m²; `None` if that is singular.
     #[must_use]
     pub fn conditional_covariance_m2(&self) -> Option<DMatrix<f64>> {
-        let mut normal = self.code_normal.clone();
-        for phases in &self.phases {
-            let mut design = phases.design.clone();
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut design);
-            normal.gemm_tr(1.0 / self.factors.phase, &design, &design, 1.0);
-        }
-        well_conditioned_inverse(&normal)
+        well_conditioned_inverse(&self.conditional_normal)
     }
 
     /// The integers (cycles) that fit best to baselines known to millimetres:
@@ -246,7 +248,6 @@ impl FloatSolution {
     /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`; `None` if that is singular.
     #[must_use]
     pub fn conditional(&self, integers: &[f64]) -> Option<Conditional> {
-        let mut normal = self.code_normal.clone();
         let mut right = self.code_right.clone();
         let mut ranges_m = Vec::with_capacity(self.phases.len());
         let mut first = 0;
@@ -256,13 +257,11 @@ impl FloatSolution {
                 phases.misclosure_m[i] - phases.wavelengths_m[i] * integers[first + i]
             });
             first += count;
-            let group = Whitened::new(&phases.factor, &phases.design, &range_m);
-            let weight = 1.0 / self.factors.phase;
-            normal.gemm_tr(weight, &group.design, &group.design, 1.0);
-            right.gemv_tr(weight, &group.design, &group.misclosure, 1.0);
+            let whitened = phases.factor.l_dirty().solve_lower_triangular(&range_m)?;
+            right.gemv_tr(1.0 / self.factors.phase, &phases.whitened_design, &whitened, 1.0);
             ranges_m.push(range_m);
         }
-        let covariance_m2 = well_conditioned_inverse(&normal)?;
+        let covariance_m2 = well_conditioned_inverse(&self.conditional_normal)?;
         let correction_m = &covariance_m2 * &right;
 
         let mut phase_sum = 0.0;
@@ -318,10 +317,13 @@ fn group_phases(
     let covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
     let factor = covariance_m2.clone().cholesky().filter(|_| !rows.is_empty())?;
     let (design, misclosure_m) = equations(links, &rows, unknowns, block, |link| link.phase_m);
+    let mut whitened_design = design.clone();
+    factor.l_dirty().solve_lower_triangular_mut(&mut whitened_design);
     let wavelengths_m = DVector::from_fn(rows.len(), |i, _| links[rows[i][0].0].wavelength_m);
     Some(Phases {
         factor,
         design,
+        whitened_design,
         misclosure_m,
         covariance_m2,
         wavelengths_m,

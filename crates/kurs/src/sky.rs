@@ -81,7 +81,8 @@ impl View {
 
 /// Components after the axes have turned by a small angle about z.
 fn turned(vector: Vector<Ecef>, angle_rad: f64) -> Vector<Ecef> {
-    let (sin, cos) = angle_rad.sin_cos();
+    // Below 1e-5 rad the next terms of both series are lost in the last digit.
+    let (sin, cos) = (angle_rad, 1.0 - 0.5 * angle_rad * angle_rad);
     let v = vector.xyz();
     Vector::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
 }
@@ -145,12 +146,14 @@ impl Dop {
     }
 }
 
-/// Standard deviations of one undifferenced observation, as a function of elevation and C/N0:
+/// Standard deviations of one undifferenced observation, as a function of elevation `E` and C/N0:
 ///
-/// `σ² = f² σ₀² / sin²(el) · 10^(max(0, C₀ − C/N0) / 10)`
+/// `σ_P² = σ_P0² / sin² E · 10^(d/10)`,   `σ_Φ² = σ_Φ0² ½ (1 + 1/sin² E) · 10^(d/20)`,
+/// `d = max(0, C₀ − C/N0)`
 ///
-/// with one zenith value `σ₀` for code and one for phase, and a factor `f` for the band. Where a
-/// receiver gives no C/N0 only the elevation counts.
+/// with one zenith value for code and one for phase. Code multipath grows towards the horizon faster
+/// than phase multipath, and code suffers more from weak signals; where a receiver gives no C/N0 only
+/// the elevation counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseModel {
     /// Code at the zenith, m.
@@ -176,12 +179,13 @@ impl NoiseModel {
     pub fn variances(&self, band: Band, elevation_rad: f64, cn0_dbhz: Option<f64>) -> Variances {
         // Below 5° the 1/sin law has no measured support; it also must not reach zero.
         let sin_elevation = elevation_rad.sin().max(0.087);
+        let low = 1.0 / (sin_elevation * sin_elevation);
         let missing_db = cn0_dbhz.map_or(0.0, |cn0| (self.full_cn0_dbhz - cn0).clamp(0.0, 25.0));
-        let scale = 10f64.powf(missing_db / 10.0) / (sin_elevation * sin_elevation);
+        let weak = 10f64.powf(missing_db / 20.0);
         let code = code_factor(band) * self.code_zenith_m;
         Variances {
-            code_m2: code * code * scale,
-            phase_m2: self.phase_zenith_m * self.phase_zenith_m * scale,
+            code_m2: code * code * low * weak * weak,
+            phase_m2: self.phase_zenith_m * self.phase_zenith_m * 0.5 * (1.0 + low) * weak,
         }
     }
 }
@@ -256,9 +260,13 @@ mod tests {
     fn noise_grows_towards_the_horizon_and_with_weak_signals() {
         let model = NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
         let l1 = Band::new(System::Gps, 1);
-        let at = |el: f64, cn0| model.variances(l1, el.to_radians(), cn0).code_m2.sqrt();
+        let variances = |el: f64, cn0| model.variances(l1, el.to_radians(), cn0);
+        let at = |el: f64, cn0| variances(el, cn0).code_m2.sqrt();
         assert!((at(90.0, None) - 0.3).abs() < 1e-12);
         assert!((at(30.0, Some(50.0)) - 0.6).abs() < 1e-12);
         assert!((at(90.0, Some(35.0)) - 0.3 * 10f64.sqrt()).abs() < 1e-12);
+        let phase = |el: f64, cn0| variances(el, cn0).phase_m2.sqrt();
+        assert!((phase(30.0, None) - 0.002 * 2.5f64.sqrt()).abs() < 1e-12);
+        assert!((phase(90.0, Some(25.0)) - 0.002 * 10f64.sqrt()).abs() < 1e-12);
     }
 }

@@ -4,10 +4,11 @@
 //!
 //! `P = |xₛ − x| + c (δt + Bₖ) − c δtₛ + I + T`,    `B` of the first system present = 0
 //!
-//! with the row `[−uᵀ, 1, …, 1 (its system), …]` and the weights `1/σ²` of the noise model, the
-//! broadcast orbit and what remains of the atmosphere.
+//! with the weights `1/σ²` of the noise model, the broadcast orbit and what remains of the
+//! atmosphere. Every row has one clock, that of its system: subtracting the weighted mean of each
+//! system from its rows leaves three unknowns.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::track::Tracked;
 use crate::atmosphere::{Troposphere, ionosphere_m};
@@ -17,11 +18,7 @@ use crate::signal::{SPEED_OF_LIGHT_MPS, Satellite, System};
 use crate::sky::{Dop, Horizon, NoiseModel, View};
 use crate::time::GpsTime;
 
-/// Position, clock and one bias for each further system.
-const UNKNOWNS: usize = 4 + SYSTEMS - 1;
 const SYSTEMS: usize = System::ALL.len();
-type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
-type Unknowns = SVector<f64, UNKNOWNS>;
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
@@ -147,7 +144,18 @@ struct Fit<'a> {
     /// Whether the position is near enough for directions to mean something.
     near: bool,
     rows: Vec<(Row, Satellite)>,
-    cofactor: Normal,
+    /// Weighted mean of each system's rows.
+    means: [Mean; SYSTEMS],
+    /// Inverse of the normal matrix of the position.
+    cofactor: Matrix3<f64>,
+}
+
+/// Weighted mean of the rows of one system: what its clock takes up.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    weight: f64,
+    line_of_sight: Vector3<f64>,
+    misclosure_m: f64,
 }
 
 impl<'a> Fit<'a> {
@@ -167,7 +175,8 @@ impl<'a> Fit<'a> {
             clocks_m: [0.0; SYSTEMS],
             near: false,
             rows: Vec::with_capacity(tracked.len()),
-            cofactor: Normal::zeros(),
+            means: [Mean::default(); SYSTEMS],
+            cofactor: Matrix3::zeros(),
         }
     }
 
@@ -214,51 +223,54 @@ impl<'a> Fit<'a> {
 
     /// One step `(Gᵀ W G)⁻¹ Gᵀ W (P_measured − P_computed)`; returns its length in space.
     fn step(&mut self) -> Result<f64, NoPosition> {
-        let present = self.systems_present();
-        let need = 3 + present.iter().filter(|p| **p).count();
+        self.take_means();
+        let need = 3 + self.systems_present();
         if self.rows.len() < need.max(4) {
             return Err(NoPosition::FewSatellites { have: self.rows.len(), need: need.max(4) });
         }
-        let mut normal = Normal::zeros();
-        let mut right = Unknowns::zeros();
+        // Rows less the mean of their system: −(u − ū) dx = l − l̄
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         for (row, _) in &self.rows {
-            let clock = 3 + row.system;
-            let mut g = Unknowns::zeros();
-            g.fixed_rows_mut::<3>(0).copy_from(&-row.line_of_sight);
-            g[clock] = 1.0;
-            for i in [0, 1, 2, clock] {
-                for j in [0, 1, 2, clock] {
-                    normal[(i, j)] += row.weight * g[i] * g[j];
-                }
-                right[i] += row.weight * g[i] * row.misclosure_m;
-            }
-        }
-        for (system, present) in present.iter().enumerate() {
-            if !present {
-                normal[(3 + system, 3 + system)] = 1.0;
-            }
+            let g = self.centred(row);
+            normal += row.weight * g * g.transpose();
+            right += row.weight * (row.misclosure_m - self.means[row.system].misclosure_m) * g;
         }
         self.cofactor = normal.cholesky().ok_or(NoPosition::Singular)?.inverse();
         let step = self.cofactor * right;
-        self.position_m += step.fixed_rows::<3>(0);
-        for system in 0..SYSTEMS {
-            self.clocks_m[system] += step[3 + system];
+        self.position_m += step;
+        // c δt = l̄ + ū dx
+        for (clock_m, mean) in self.clocks_m.iter_mut().zip(&self.means) {
+            *clock_m += mean.misclosure_m + mean.line_of_sight.dot(&step);
         }
-        let length_m = step.fixed_rows::<3>(0).norm();
+        let length_m = step.norm();
         if length_m.is_finite() { Ok(length_m) } else { Err(NoPosition::Diverged) }
     }
 
-    fn systems_present(&self) -> [bool; SYSTEMS] {
-        let mut present = [false; SYSTEMS];
+    fn take_means(&mut self) {
+        self.means = [Mean::default(); SYSTEMS];
         for (row, _) in &self.rows {
-            present[row.system] = true;
+            let mean = &mut self.means[row.system];
+            mean.weight += row.weight;
+            mean.line_of_sight += row.weight * row.line_of_sight;
+            mean.misclosure_m += row.weight * row.misclosure_m;
         }
-        present
+        for mean in self.means.iter_mut().filter(|mean| mean.weight > 0.0) {
+            mean.line_of_sight /= mean.weight;
+            mean.misclosure_m /= mean.weight;
+        }
+    }
+
+    /// Design row of the position with the clock eliminated.
+    fn centred(&self, row: &Row) -> Vector3<f64> {
+        self.means[row.system].line_of_sight - row.line_of_sight
+    }
+
+    fn systems_present(&self) -> usize {
+        self.means.iter().filter(|mean| mean.weight > 0.0).count()
     }
 
     fn redundancy(&self) -> usize {
-        let unknowns = 3 + self.systems_present().iter().filter(|p| **p).count();
-        self.rows.len().saturating_sub(unknowns)
+        self.rows.len().saturating_sub(3 + self.systems_present())
     }
 
     fn unit_weight_rms(&self) -> f64 {
@@ -278,11 +290,11 @@ impl<'a> Fit<'a> {
             return None;
         }
         let normalised = |row: &Row| {
-            let mut g = Unknowns::zeros();
-            g.fixed_rows_mut::<3>(0).copy_from(&-row.line_of_sight);
-            g[3 + row.system] = 1.0;
-            // var(v) = σ² − g Q gᵀ
-            let variance_m2 = 1.0 / row.weight - (g.transpose() * self.cofactor * g)[0];
+            let g = self.centred(row);
+            // var(v) = σ² − 1/Σw − g Q gᵀ
+            let variance_m2 = 1.0 / row.weight
+                - 1.0 / self.means[row.system].weight
+                - (g.transpose() * self.cofactor * g)[0];
             row.misclosure_m.abs() / variance_m2.max(1e-6 / row.weight).sqrt()
         };
         let (row, satellite) =
@@ -295,14 +307,14 @@ impl<'a> Fit<'a> {
         let horizon = Horizon::at(position_m);
         let sky = self.rows.iter().map(|(row, _)| Vector::from_xyz(row.line_of_sight));
         let dop = Dop::new(sky, &horizon).ok_or(NoPosition::Singular)?;
-        let present = self.systems_present();
-        let first = present.iter().position(|p| *p).ok_or(NoPosition::Singular)?;
+        let present = |k: &usize| self.means[*k].weight > 0.0;
+        let first = (0..SYSTEMS).find(present).ok_or(NoPosition::Singular)?;
         let clock_m = self.clocks_m[first];
         let inter_system_m =
-            core::array::from_fn(|k| present[k].then(|| self.clocks_m[k] - clock_m));
+            core::array::from_fn(|k| present(&k).then(|| self.clocks_m[k] - clock_m));
         Ok(PointSolution {
             position_m,
-            covariance_m2: self.cofactor.fixed_view::<3, 3>(0, 0).into_owned(),
+            covariance_m2: self.cofactor,
             clock_m,
             inter_system_m,
             dop,

@@ -77,11 +77,11 @@ fn tracked_satellite(
     // The receiver's tag minus P / c is the satellite's own clock at transmission, whatever the
     // receiver's clock says; the satellite's clock error takes it to GPS time.
     let by_satellite_clock = epoch.time + -pseudorange_m / SPEED_OF_LIGHT_MPS;
-    let near = store.state(satellite, by_satellite_clock).ok()?;
-    let state = store.state(satellite, by_satellite_clock + -near.clock_s).ok()?;
+    let ephemeris = store.select(satellite, by_satellite_clock)?;
+    let near = ephemeris.state(by_satellite_clock)?;
+    let state = ephemeris.state(by_satellite_clock + -near.clock_s)?;
 
-    let group_delay_m =
-        store.group_delay_m(satellite, ranging.signal, by_satellite_clock).unwrap_or(0.0);
+    let group_delay_m = ephemeris.group_delay_m(ranging.signal).unwrap_or(0.0);
     let range_rate_mps =
         all.iter().find_map(|o| Some(-o.doppler_hz? * o.signal.band.wavelength_m(channel)?));
     Some(Tracked {
