@@ -278,10 +278,12 @@ impl Geodetic {
             let (s, c) = beta.sin_cos();
             latitude_rad = (xyz.z + ep2 * b * s * s * s).atan2(p - E2 * WGS84_A_M * c * c * c);
             let next = ((1.0 - WGS84_F) * latitude_rad.sin()).atan2(latitude_rad.cos());
-            if (next - beta).abs() < 1e-16 {
+            // Convergence is cubic: a change below 1e-9 leaves nothing for the next step.
+            let settled = (next - beta).abs() < 1e-9;
+            beta = next;
+            if settled {
                 break;
             }
-            beta = next;
         }
         let (sin_lat, cos_lat) = latitude_rad.sin_cos();
         // h = p cos φ + z sin φ − a √(1 − e² sin²φ), regular at the poles

@@ -225,6 +225,30 @@ impl EphemerisStore {
             .ok_or(NoEphemeris::TooOld(satellite, transmission_time))
     }
 
+    /// State of `satellite` when it sends, at the instant at which *its own clock* reads
+    /// `by_satellite_clock` (a receiver's time tag minus pseudorange over c), and the broadcast
+    /// record for that instant if there is one: [`EphemerisStore::state`] with one look-up.
+    ///
+    /// # Errors
+    ///
+    /// [`NoEphemeris`] says why there is none.
+    pub fn at_transmission(
+        &self,
+        satellite: Satellite,
+        by_satellite_clock: GpsTime,
+    ) -> Result<(SatelliteState, Option<&Ephemeris>), NoEphemeris> {
+        let broadcast = self.choose(satellite, by_satellite_clock);
+        let state = |time| {
+            let precise = self.precise.state(satellite, time);
+            precise.or_else(|| broadcast.ok().and_then(|record| record.state(time)))
+        };
+        let too_old = NoEphemeris::TooOld(satellite, by_satellite_clock);
+        let refusal = broadcast.err().unwrap_or(too_old);
+        let near = state(by_satellite_clock).ok_or(refusal)?;
+        let at_transmission = state(by_satellite_clock + -near.clock_s).ok_or(refusal)?;
+        Ok((at_transmission, broadcast.ok()))
+    }
+
     /// Group delay of a signal in metres, to be subtracted from its pseudorange, by the broadcast
     /// record; `None` if unknown. Conventions: [`super::KeplerElements::group_delay_m`].
     #[must_use]
@@ -240,6 +264,9 @@ impl EphemerisStore {
     /// Frequency channel of a GLONASS satellite, by its last record.
     #[must_use]
     pub fn glonass_channel(&self, satellite: Satellite) -> Option<i8> {
+        if satellite.system != System::Glonass {
+            return None;
+        }
         match self.around(satellite, Message::GlonassFdma, END_OF_TIME)[0]? {
             Ephemeris::Glonass(glonass) => Some(glonass.elements().channel),
             Ephemeris::Kepler(_) => None,

@@ -77,11 +77,9 @@ fn tracked_satellite(
     // The receiver's tag minus P / c is the satellite's own clock at transmission, whatever the
     // receiver's clock says; the satellite's clock error takes it to GPS time.
     let by_satellite_clock = epoch.time + -pseudorange_m / SPEED_OF_LIGHT_MPS;
-    let ephemeris = store.select(satellite, by_satellite_clock)?;
-    let near = ephemeris.state(by_satellite_clock)?;
-    let state = ephemeris.state(by_satellite_clock + -near.clock_s)?;
+    let (state, broadcast) = store.at_transmission(satellite, by_satellite_clock).ok()?;
 
-    let group_delay_m = ephemeris.group_delay_m(ranging.signal).unwrap_or(0.0);
+    let group_delay_m = broadcast.and_then(|b| b.group_delay_m(ranging.signal)).unwrap_or(0.0);
     let range_rate_mps =
         all.iter().find_map(|o| Some(-o.doppler_hz? * o.signal.band.wavelength_m(channel)?));
     Some(Tracked {
