@@ -1,6 +1,7 @@
 //! GNSS file formats, to and from the types of `kurs`: bytes in, observations and ephemerides out.
 #![forbid(unsafe_code)]
 
+pub mod antex;
 pub mod content;
 pub mod damage;
 pub mod navigation;

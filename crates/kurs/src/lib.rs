@@ -14,6 +14,8 @@ pub mod signal;
 
 pub mod array;
 
+pub mod antenna_calibration;
+
 pub mod solution;
 
 // The inputs.
