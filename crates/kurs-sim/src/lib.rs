@@ -5,6 +5,16 @@
 //! two.
 #![forbid(unsafe_code)]
 
+mod disturbance;
+pub mod motion;
 pub mod noise;
+pub mod nominal_orbits;
+mod propagation;
+mod receiver;
 pub mod rotating_arm;
+mod satellite_track;
+pub mod scenario;
+pub mod simulation;
 pub mod walker;
+
+pub use receiver::AmbiguityChange;

@@ -1,7 +1,7 @@
 //! Reproducible noise: the same seed gives the same numbers, for ever, by a named generator.
 
 use nalgebra::Vector3;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -27,6 +27,18 @@ impl Noise {
     /// Three independent ones.
     pub fn normal3(&mut self, standard_deviation: f64) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal(standard_deviation))
+    }
+
+    /// One number evenly distributed between 0 and 1.
+    pub fn uniform(&mut self) -> f64 {
+        self.generator.random()
+    }
+
+    /// A sequence of its own for each of several users of one seed.
+    #[must_use]
+    pub fn stream(seed: u64, user: u64) -> Self {
+        // Multiplication by an odd constant (2⁶⁴ over the golden ratio) sets neighbours apart.
+        Self::seeded(seed ^ (user + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15))
     }
 }
 

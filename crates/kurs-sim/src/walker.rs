@@ -6,7 +6,7 @@ use kurs::frames::EARTH_RATE_RADPS;
 use nalgebra::Vector3;
 
 /// Gravitational constant of the Earth, m³/s² (WGS 84).
-const GM_M3PS2: f64 = 3.986_004_418e14;
+pub(crate) const GM_M3PS2: f64 = 3.986_004_418e14;
 
 /// A Walker constellation i : T/P/F of circular orbits, seen in ECEF.
 #[derive(Debug, Clone, Copy, PartialEq)]

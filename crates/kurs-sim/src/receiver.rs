@@ -1,0 +1,444 @@
+//! A receiver with its antenna: which signals it tracks and what it reports of each.
+
+use kurs::ephemeris::Ephemeris;
+use kurs::frames::{Body, Ecef, Geodetic, Vector};
+use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
+use kurs::time::GpsTime;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::disturbance::Disturbances;
+use crate::noise::Noise;
+use crate::propagation::{Path, ionosphere_m, troposphere_m, wind_up_cycles};
+use crate::rotating_arm::Clock;
+use crate::satellite_track::SatelliteTrack;
+use crate::scenario::{Law, Scenario};
+
+/// First frequency of GPS, to which the ionospheric delay refers.
+const L1_HZ: f64 = 1_575.42e6;
+/// Initial whole cycles are drawn between plus and minus this.
+const INTEGER_RANGE: f64 = 100_000.0;
+/// Fall of C/N0 from the zenith to the horizon, and its scatter.
+const CN0_FALL_DB: f64 = 15.0;
+const CN0_SD_DB: f64 = 0.3;
+/// Noise grows with falling elevation up to this factor.
+const LARGEST_GROWTH: f64 = 3.5;
+/// C/N0 for which the noise of law `cn0` is given.
+const REFERENCE_CN0_DBHZ: f64 = 45.0;
+/// Slips at random are of one to this many cycles.
+const LARGEST_RANDOM_SLIP: f64 = 10.0;
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub(crate) struct Receiver {
+    pub(crate) name: String,
+    pub(crate) lever_arm_m: Vector<Body>,
+    pub(crate) tag_offset_s: f64,
+    pub(crate) clock: usize,
+    turned_rad: f64,
+    mask_deg: Vec<[f64; 3]>,
+    signals: Vec<TrackedSignal>,
+    noise: Noise,
+    /// For every satellite, in the order of the tracks.
+    links: Vec<Link>,
+}
+
+/// A signal that the receiver can track.
+#[derive(Debug, Clone, Copy)]
+struct TrackedSignal {
+    signal: Signal,
+    /// Fraction of a cycle in all phases of this signal, the same for every satellite.
+    phase_bias_cycles: f64,
+}
+
+/// The receiver's tracking of one satellite.
+#[derive(Debug, Clone)]
+struct Link {
+    wind_up_cycles: f64,
+    channels: Vec<Channel>,
+}
+
+/// Tracking of one signal of one satellite.
+#[derive(Debug, Clone, Copy)]
+struct Channel {
+    /// Which of the receiver's signals.
+    signal: usize,
+    frequency_hz: f64,
+    state: Tracking,
+    /// Whole cycles N.
+    integer: i64,
+    code_multipath_m: f64,
+    phase_multipath_m: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tracking {
+    Never,
+    Lost,
+    On,
+}
+
+/// The receiver's surroundings at one epoch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reception<'a> {
+    /// Time tag, from the start of the scenario and as an instant.
+    pub(crate) tag_s: f64,
+    pub(crate) tag: GpsTime,
+    /// True time of reception, from the start.
+    pub(crate) time_s: f64,
+    pub(crate) clock: Clock,
+    pub(crate) position_m: Vector<Ecef>,
+    pub(crate) velocity_mps: Vector<Ecef>,
+    pub(crate) ecef_from_body: Matrix3<f64>,
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) disturbances: &'a Disturbances,
+}
+
+/// The whole cycles of a channel were drawn or changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AmbiguityChange {
+    /// Time tag of the first observation with it.
+    pub time: GpsTime,
+    /// Name of the antenna.
+    pub antenna: String,
+    /// The satellite.
+    pub satellite: Satellite,
+    /// The signal.
+    pub signal: Signal,
+    /// Whole cycles from now on.
+    pub cycles: i64,
+    /// The change, where the phase was tracked before without a gap.
+    pub slip: Option<i64>,
+    /// Whether the receiver says so.
+    pub flagged: bool,
+}
+
+/// What a receiver needs to be made.
+pub(crate) struct ReceiverPlan<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) position_m: [f64; 3],
+    pub(crate) tag_offset_s: f64,
+    pub(crate) turned_deg: f64,
+    pub(crate) mask_deg: &'a [[f64; 3]],
+    pub(crate) signals: Vec<Signal>,
+    pub(crate) clock: usize,
+    pub(crate) phase_bias: bool,
+}
+
+impl Receiver {
+    pub(crate) fn new(plan: ReceiverPlan<'_>, tracks: &[SatelliteTrack], mut noise: Noise) -> Self {
+        let [x, y, z] = plan.position_m;
+        let mut signals = Vec::with_capacity(plan.signals.len());
+        for signal in plan.signals {
+            let phase_bias_cycles = if plan.phase_bias { noise.uniform() } else { 0.0 };
+            signals.push(TrackedSignal { signal, phase_bias_cycles });
+        }
+        let links = tracks.iter().map(|track| Link::new(track, &signals)).collect();
+        Self {
+            name: plan.name.to_owned(),
+            lever_arm_m: Vector::new(x, y, z),
+            tag_offset_s: plan.tag_offset_s,
+            clock: plan.clock,
+            turned_rad: plan.turned_deg.to_radians(),
+            mask_deg: plan.mask_deg.to_vec(),
+            signals,
+            noise,
+            links,
+        }
+    }
+
+    /// Leaves out the satellites that are not kept.
+    pub(crate) fn keep(&mut self, kept: &[bool]) {
+        let mut keep = kept.iter();
+        self.links.retain(|_| *keep.next().unwrap_or(&false));
+    }
+
+    /// Everything the receiver reports at an epoch, into `epoch`.
+    pub(crate) fn observe(
+        &mut self,
+        reception: &Reception<'_>,
+        tracks: &[SatelliteTrack],
+        ephemerides: &[Option<Ephemeris>],
+        epoch: &mut AntennaEpoch,
+        changes: &mut Vec<AmbiguityChange>,
+    ) {
+        epoch.time = reception.tag;
+        epoch.observations.clear();
+        let here = Geodetic::from_ecef(reception.position_m);
+        let ned_from_ecef = here.ned_from_ecef().matrix();
+        let (antenna, velocity) = (reception.position_m.xyz(), reception.velocity_mps.xyz());
+        for (index, track) in tracks.iter().enumerate() {
+            let path = Path::trace(track, &antenna, &velocity, reception.time_s);
+            let (Some(path), Some(ephemeris)) = (path, &ephemerides[index]) else {
+                self.links[index].lose();
+                continue;
+            };
+            let level = ned_from_ecef * path.line_of_sight;
+            let body = reception.ecef_from_body.transpose() * path.line_of_sight;
+            let sky = &reception.scenario.sky;
+            let seen = -level.z > sky.elevation_mask_deg.to_radians().sin()
+                && !is_masked(&level, &sky.horizon_deg)
+                && !is_masked(&body, &self.mask_deg);
+            if !seen {
+                self.links[index].lose();
+                continue;
+            }
+            let view = View { path, ephemeris, height_m: here.height_m, sin_elevation: -level.z };
+            self.observe_satellite(index, track, &view, reception, epoch, changes);
+        }
+    }
+
+    /// The signals of one satellite in view.
+    fn observe_satellite(
+        &mut self,
+        index: usize,
+        track: &SatelliteTrack,
+        view: &View<'_>,
+        reception: &Reception<'_>,
+        epoch: &mut AntennaEpoch,
+        changes: &mut Vec<AmbiguityChange>,
+    ) {
+        let Self { name, signals, noise, links, turned_rad, .. } = self;
+        let link = &mut links[index];
+        if reception.scenario.atmosphere.wind_up {
+            let (sin, cos) = turned_rad.sin_cos();
+            // Right-handed about the upward axis: forward, then left.
+            let x = reception.ecef_from_body * Vector3::new(cos, sin, 0.0);
+            let y = reception.ecef_from_body * Vector3::new(sin, -cos, 0.0);
+            link.wind_up_cycles = wind_up_cycles(&view.path, &x, &y, link.wind_up_cycles);
+        }
+        for channel in &mut link.channels {
+            let tracked = signals[channel.signal];
+            let band = tracked.signal.band;
+            if reception.disturbances.hidden(reception.tag_s, name, track.satellite, band) {
+                channel.lose();
+                continue;
+            }
+            let change = channel.follow(reception, name, track.satellite, band, noise);
+            if let Some((slip, flagged)) = change {
+                changes.push(AmbiguityChange {
+                    time: reception.tag,
+                    antenna: name.clone(),
+                    satellite: track.satellite,
+                    signal: tracked.signal,
+                    cycles: channel.integer,
+                    slip,
+                    flagged,
+                });
+            }
+            let flagged = matches!(change, Some((_, true)));
+            let phase = tracked.phase_bias_cycles + link.wind_up_cycles;
+            let lock = Lock(if flagged { Lock::SLIP } else { 0 });
+            let measured = channel.measure(view, reception, name, tracked.signal, phase, noise);
+            epoch.observations.push(Observation { lock, ..measured });
+        }
+    }
+}
+
+/// A satellite as an antenna sees it.
+struct View<'a> {
+    path: Path,
+    ephemeris: &'a Ephemeris,
+    height_m: f64,
+    sin_elevation: f64,
+}
+
+impl Link {
+    fn new(track: &SatelliteTrack, signals: &[TrackedSignal]) -> Self {
+        let channels = signals.iter().enumerate().filter_map(|(signal, tracked)| {
+            let band = tracked.signal.band;
+            (band.system == track.satellite.system).then_some(())?;
+            Some(Channel {
+                signal,
+                frequency_hz: band.frequency_hz(track.glonass_channel)?,
+                state: Tracking::Never,
+                integer: 0,
+                code_multipath_m: 0.0,
+                phase_multipath_m: 0.0,
+            })
+        });
+        Self { wind_up_cycles: 0.0, channels: channels.collect() }
+    }
+
+    fn lose(&mut self) {
+        self.channels.iter_mut().for_each(Channel::lose);
+    }
+}
+
+impl Channel {
+    fn lose(&mut self) {
+        if self.state == Tracking::On {
+            self.state = Tracking::Lost;
+        }
+    }
+
+    /// Keeps the whole cycles, or draws new ones after a gap, or slips; the slip (none after a gap)
+    /// and whether it is flagged.
+    fn follow(
+        &mut self,
+        reception: &Reception<'_>,
+        antenna: &str,
+        satellite: Satellite,
+        band: Band,
+        noise: &mut Noise,
+    ) -> Option<(Option<i64>, bool)> {
+        let scenario = reception.scenario;
+        if self.state != Tracking::On {
+            let flagged = self.state == Tracking::Lost;
+            self.state = Tracking::On;
+            self.integer = whole((2.0 * noise.uniform() - 1.0) * INTEGER_RANGE);
+            return Some((None, flagged));
+        }
+        let interval_s = scenario.interval_s;
+        let planned =
+            reception.disturbances.slip(reception.tag_s, interval_s, antenna, satellite, band);
+        let per_epoch = scenario.slips.per_hour * interval_s / 3600.0;
+        let slip = match planned {
+            None if per_epoch > 0.0 && noise.uniform() < per_epoch => {
+                let size = whole(1.0 + noise.uniform() * (LARGEST_RANDOM_SLIP - 1.0));
+                let sign = if noise.uniform() < 0.5 { -1 } else { 1 };
+                Some((sign * size, noise.uniform() < scenario.slips.flagged_share))
+            }
+            planned => planned,
+        };
+        let (cycles, flagged) = slip?;
+        self.integer += cycles;
+        Some((Some(cycles), flagged))
+    }
+
+    /// The measurement equation.
+    ///
+    /// ```text
+    /// P = ρ + c (dt − dtₛ) + T + I + d + m + ε
+    /// Φ = (ρ + c (dt − dtₛ) + T − I + m) / λ + N + w + β + ε      in cycles
+    /// D = −(ρ̇ + c (ḋt − ḋtₛ)) / λ + ε
+    /// ```
+    fn measure(
+        &mut self,
+        view: &View<'_>,
+        reception: &Reception<'_>,
+        antenna: &str,
+        signal: Signal,
+        phase_offset_cycles: f64,
+        noise: &mut Noise,
+    ) -> Observation {
+        let scenario = reception.scenario;
+        let path = &view.path;
+        let wavelength_m = SPEED_OF_LIGHT_MPS / self.frequency_hz;
+        let troposphere = troposphere_m(
+            scenario.atmosphere.troposphere_zenith_m,
+            view.height_m,
+            view.sin_elevation,
+        );
+        let ionosphere = ionosphere_m(scenario.atmosphere.ionosphere_zenith_m, view.sin_elevation)
+            * (L1_HZ / self.frequency_hz).powi(2);
+        let (code_bias_m, phase_bias_cycles) =
+            reception.disturbances.bias(antenna, signal, view.ephemeris);
+        let satellite_clock_m = SPEED_OF_LIGHT_MPS * path.sender.clock_s;
+        let clocks_m = reception.clock.bias_m - satellite_clock_m;
+        let geometric_m = path.range_m + clocks_m + troposphere;
+        self.reflect(scenario, view.sin_elevation, noise);
+
+        let drop_db = reception.disturbances.cn0_drop_db(reception.tag_s, signal.band);
+        let fall_db = CN0_FALL_DB * (1.0 - view.sin_elevation);
+        let cn0_dbhz = scenario.noise.cn0_zenith_dbhz - fall_db - drop_db;
+        let growth = growth(scenario.noise.law, view.sin_elevation, cn0_dbhz, drop_db);
+        let rate_mps = path.range_rate_mps + reception.clock.rate_mps
+            - SPEED_OF_LIGHT_MPS * path.sender.clock_drift;
+        let group_delay_m = view.ephemeris.group_delay_m(signal).unwrap_or(0.0);
+        let pseudorange_m = geometric_m
+            + ionosphere
+            + group_delay_m
+            + code_bias_m
+            + self.code_multipath_m
+            + noise.normal(scenario.noise.code_sd_m * growth);
+        let phase_cycles = (geometric_m - ionosphere + self.phase_multipath_m) / wavelength_m
+            + self.integer as f64
+            + phase_offset_cycles
+            + phase_bias_cycles
+            + noise.normal(scenario.noise.phase_sd_cycles * growth);
+        Observation {
+            satellite: view.ephemeris.satellite(),
+            signal,
+            pseudorange_m: Some(pseudorange_m),
+            phase_cycles: Some(phase_cycles),
+            doppler_hz: Some(
+                -rate_mps / wavelength_m + noise.normal(scenario.noise.doppler_sd_hz * growth),
+            ),
+            cn0_dbhz: Some(cn0_dbhz + noise.normal(CN0_SD_DB)),
+            lock: Lock::default(),
+        }
+    }
+
+    /// Moves the coloured noise on by an interval: x ← φ x + √(1 − φ²) σ cos(el) w.
+    fn reflect(&mut self, scenario: &Scenario, sin_elevation: f64, noise: &mut Noise) {
+        let multipath = &scenario.multipath;
+        if multipath.code_sd_m == 0.0 && multipath.phase_sd_m == 0.0 {
+            return;
+        }
+        let kept = (-scenario.interval_s / multipath.correlation_s).exp();
+        let fresh = ((1.0 - kept * kept) * (1.0 - sin_elevation * sin_elevation)).sqrt();
+        self.code_multipath_m =
+            kept * self.code_multipath_m + noise.normal(multipath.code_sd_m * fresh);
+        self.phase_multipath_m =
+            kept * self.phase_multipath_m + noise.normal(multipath.phase_sd_m * fresh);
+    }
+}
+
+/// Factor of the standard deviations.
+fn growth(law: Law, sin_elevation: f64, cn0_dbhz: f64, drop_db: f64) -> f64 {
+    let weaker = |db: f64| 10f64.powf(db / 20.0);
+    match law {
+        Law::Flat => weaker(drop_db),
+        Law::Elevation => (1.0 / sin_elevation.max(1e-3)).min(LARGEST_GROWTH) * weaker(drop_db),
+        Law::Cn0 => weaker(REFERENCE_CN0_DBHZ - cn0_dbhz),
+    }
+}
+
+/// Whether an obstacle is in the way; the direction has its x axis at azimuth 0 and z down.
+fn is_masked(direction: &Vector3<f64>, obstacles_deg: &[[f64; 3]]) -> bool {
+    if obstacles_deg.is_empty() {
+        return false;
+    }
+    let azimuth_deg = direction.y.atan2(direction.x).to_degrees();
+    let elevation_deg = (-direction.z).clamp(-1.0, 1.0).asin().to_degrees();
+    obstacles_deg.iter().any(|[from_deg, to_deg, height_deg]| {
+        let width_deg = to_deg - from_deg;
+        let inside = width_deg >= 360.0
+            || (azimuth_deg - from_deg).rem_euclid(360.0) <= width_deg.rem_euclid(360.0);
+        inside && elevation_deg < *height_deg
+    })
+}
+
+#[allow(clippy::cast_possible_truncation)] // a few cycles, or INTEGER_RANGE
+fn whole(value: f64) -> i64 {
+    value.round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn obstacles_stand_where_they_are_said_to() {
+        // North-east at 20 degrees, z down.
+        let elevation = 20f64.to_radians();
+        let level = elevation.cos() / 2f64.sqrt();
+        let direction = Vector3::new(level, level, -elevation.sin());
+        assert!(is_masked(&direction, &[[40.0, 50.0, 30.0]]));
+        assert!(!is_masked(&direction, &[[40.0, 50.0, 10.0]]));
+        assert!(!is_masked(&direction, &[[50.0, 60.0, 30.0]]));
+        assert!(is_masked(&direction, &[[300.0, 420.0, 30.0]]));
+        assert!(is_masked(&direction, &[[0.0, 360.0, 30.0]]));
+    }
+
+    #[test]
+    fn laws_of_noise() {
+        let half = 0.5;
+        assert!((growth(Law::Flat, half, 40.0, 0.0) - 1.0).abs() < 1e-15);
+        assert!((growth(Law::Elevation, half, 40.0, 0.0) - 2.0).abs() < 1e-15);
+        assert!((growth(Law::Elevation, 0.1, 40.0, 0.0) - 3.5).abs() < 1e-15);
+        assert!((growth(Law::Cn0, half, 39.0, 0.0) - 10f64.powf(0.3)).abs() < 1e-12);
+        assert!((growth(Law::Flat, half, 40.0, 6.0) - 10f64.powf(0.3)).abs() < 1e-12);
+    }
+}
