@@ -8,6 +8,7 @@ mod config_file;
 mod failure;
 mod output;
 mod progress;
+mod simulate;
 mod solve;
 mod table;
 mod tables;
@@ -27,12 +28,14 @@ struct Cli {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Solve(Box<solve::Args>),
+    Simulate(simulate::Args),
 }
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: anyhow::Result<ExitCode> = match cli.command {
         Command::Solve(args) => solve::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
     };
     failure::exit_code(result)
 }

@@ -47,8 +47,7 @@ impl Disturbances {
             known("bias.antenna", &bias.antenna)?;
             let system =
                 bias.system.as_ref().map(|name| system("bias.system", name)).transpose()?;
-            let signal =
-                bias.signal.as_ref().map(|name| signal("bias.signal", name)).transpose()?;
+            let signal = bias.signal.as_ref().map(|name| parse("bias.signal", name)).transpose()?;
             found.biases.push((bias.clone(), system, signal));
         }
         Ok(found)
@@ -135,7 +134,7 @@ fn beidou_orbit(ephemeris: &Ephemeris) -> Option<BeiDouOrbit> {
     }
 }
 
-fn parse<T: core::str::FromStr<Err: core::fmt::Display>>(
+pub(crate) fn parse<T: core::str::FromStr<Err: core::fmt::Display>>(
     key: &str,
     text: &str,
 ) -> Result<T, ScenarioError> {
@@ -157,19 +156,5 @@ pub(crate) fn system(key: &str, name: &str) -> Result<System, ScenarioError> {
     };
     letter.ok_or_else(|| {
         ScenarioError::new(key, format!("{name:?} is not the letter of a system (G, R, E, C, J)"))
-    })
-}
-
-/// A signal such as `G1C`.
-pub(crate) fn signal(key: &str, name: &str) -> Result<Signal, ScenarioError> {
-    let parsed = match name.as_bytes() {
-        [_, _, attribute @ b'A'..=b'Z'] => {
-            let band = name[..2].parse::<Band>().ok();
-            band.map(|band| Signal { band, attribute: *attribute })
-        }
-        _ => None,
-    };
-    parsed.ok_or_else(|| {
-        ScenarioError::new(key, format!("{name:?} is not a signal such as G1C or E5Q"))
     })
 }

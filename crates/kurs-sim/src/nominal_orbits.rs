@@ -158,9 +158,9 @@ fn walker(
             message: message(satellite),
             axis_m,
             // Between 0.001 and 0.012, different for neighbours: relativity must not cancel.
-            eccentricity: 0.001 + 0.001 * f64::from(number * 7 % 12),
+            eccentricity: 0.001 + 0.001 * f64::from(u16::from(*number) * 7 % 12),
             inclination_rad: inclination_deg.to_radians(),
-            perigee_rad: share(number * 5 % 24, 24),
+            perigee_rad: TAU * f64::from(u16::from(*number) * 5 % 24) / 24.0,
             node_rad: first_node_deg.to_radians() + share(plane, planes),
             mean_anomaly_rad: share(slot, per_plane) + share(plane * phasing, planes * per_plane),
             geostationary_rad: None,

@@ -422,7 +422,7 @@ fn tracks(scenario: &Scenario, navigation: &NavigationData, start: GpsTime) -> V
 
 fn signals(own: Option<&Vec<String>>, scenario: &Scenario) -> Result<Vec<Signal>, ScenarioError> {
     let names = own.unwrap_or(&scenario.signals);
-    names.iter().map(|name| disturbance::signal("signals", name)).collect()
+    names.iter().map(|name| disturbance::parse("signals", name)).collect()
 }
 
 /// `2024-03-10T12:00:00`, on the GPS scale.

@@ -232,6 +232,22 @@ impl FromStr for Band {
     }
 }
 
+impl FromStr for Signal {
+    type Err = UnknownName;
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let parsed = match text.as_bytes() {
+            [_, _, attribute @ b'A'..=b'Z'] => {
+                text[..2].parse().ok().map(|band| Self { band, attribute: *attribute })
+            }
+            _ => None,
+        };
+        parsed.ok_or_else(|| UnknownName {
+            found: text.to_owned(),
+            expected: "a signal such as G1C or E5Q (system letter, RINEX band digit, tracking code)",
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -243,6 +259,12 @@ mod tests {
         }
         for text in ["G1", "E5", "C2", "R1", "J6"] {
             assert_eq!(text.parse::<Band>().unwrap().to_string(), text);
+        }
+        for text in ["G1C", "E5Q", "C2I", "R1C"] {
+            assert_eq!(text.parse::<Signal>().unwrap().to_string(), text);
+        }
+        for wrong in ["", "G1", "G1c", "G3C", "G1CC", "1C"] {
+            assert!(wrong.parse::<Signal>().is_err(), "{wrong}");
         }
         for wrong in ["", "G", "X05", "G5x", "Gé", "G123"] {
             assert!(wrong.parse::<Satellite>().is_err(), "{wrong}");

@@ -1,0 +1,186 @@
+//! `kurs simulate`: a scenario in, observation and navigation files with the truth out.
+
+mod scenario_file;
+mod truth_tables;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::signal::Signal;
+use kurs_formats::rinex::{ObservationFileHeader, ObservationWriter, write_navigation};
+use kurs_sim::simulation::{SimulatedEpoch, Simulation};
+
+use crate::failure::UsageError;
+use crate::output::OutputFile;
+use crate::progress::Progress;
+use truth_tables::{AmbiguityTable, TruthTable};
+
+pub(crate) use scenario_file::load;
+
+/// Name of the navigation file.
+const NAVIGATION: &str = "nav.rnx";
+
+/// Observations of a simulated body with antennas, and the truth.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Scenario file (TOML), or the name of a built-in one: roof-static, car, ship, uav, urban,
+    /// few-satellites, leo, two-bodies.
+    scenario: PathBuf,
+    /// Folder for the files.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    out: PathBuf,
+    /// No progress and no closing summary.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let (scenario, attachments) = load(&args.scenario)?;
+    let mut simulation = Simulation::new(scenario, &attachments)
+        .map_err(|error| UsageError(format!("{}: {error}", args.scenario.display())))?;
+    let mut files = Files::default();
+    let mut progress = Progress::start(args.quiet);
+    let mut epoch = SimulatedEpoch::default();
+    while simulation.next_epoch(&mut epoch) {
+        if files.antennas.is_empty() {
+            files = Files::create(&args.out, &simulation, &epoch)?;
+        }
+        files.write(&epoch)?;
+        progress.epoch(true);
+    }
+    progress.finish();
+    files.finish()?;
+    write_navigation_file(&args.out, simulation.navigation())?;
+    write_configurations(&args.out, &simulation)?;
+    if !args.quiet {
+        let configuration = args.out.join("kurs.toml");
+        println!("{} epochs written to {}", simulation.epochs(), args.out.display());
+        println!("next: kurs solve {}", configuration.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Everything that is written epoch by epoch.
+#[derive(Default)]
+struct Files {
+    /// Of all bodies in turn, then of the station.
+    antennas: Vec<ObservationWriter<OutputFile>>,
+    truth: Vec<TruthTable>,
+    ambiguities: Option<AmbiguityTable>,
+}
+
+impl Files {
+    fn create(
+        directory: &Path,
+        simulation: &Simulation,
+        first: &SimulatedEpoch,
+    ) -> anyhow::Result<Self> {
+        let scenario = simulation.scenario();
+        let mut files = Self::default();
+        let create = |name: &str, header: &ObservationFileHeader| {
+            let output = OutputFile::create(directory, &format!("{name}.rnx"))?;
+            anyhow::Ok(ObservationWriter::new(output, header)?)
+        };
+        for (index, (body, made)) in scenario.body.iter().zip(&first.bodies).enumerate() {
+            for (antenna, observed) in body.antenna.iter().zip(&made.observed.antennas) {
+                let first = observed.as_ref().map_or(made.observed.time, |o| o.time);
+                let mut header = header(simulation, &antenna.name, antenna.signals.as_ref());
+                (header.first, header.position_m) = (first, made.truth.position_m);
+                files.antennas.push(create(&antenna.name, &header)?);
+            }
+            files.truth.push(TruthTable::create(directory, &of_body("truth", index, body), body)?);
+        }
+        if let Some(station) = &scenario.station {
+            let mut header = header(simulation, &station.name, station.signals.as_ref());
+            header.position_m = station.place.geodetic().to_ecef();
+            files.antennas.push(create(&station.name, &header)?);
+        }
+        files.ambiguities = Some(AmbiguityTable::create(directory)?);
+        Ok(files)
+    }
+
+    fn write(&mut self, epoch: &SimulatedEpoch) -> anyhow::Result<()> {
+        let of_bodies =
+            epoch.bodies.iter().flat_map(|body| body.observed.antennas.iter().flatten());
+        for (writer, observed) in self.antennas.iter_mut().zip(of_bodies.chain(&epoch.station)) {
+            if !observed.observations.is_empty() {
+                writer.write(observed)?;
+            }
+        }
+        for (table, body) in self.truth.iter_mut().zip(&epoch.bodies) {
+            table.write(&body.truth)?;
+        }
+        self.ambiguities.as_mut().map_or(Ok(()), |table| table.write(&epoch.changes))
+    }
+
+    fn finish(self) -> anyhow::Result<()> {
+        for writer in self.antennas {
+            writer.finish()?.finish()?;
+        }
+        for table in self.truth {
+            table.finish()?;
+        }
+        self.ambiguities.map_or(Ok(()), AmbiguityTable::finish)
+    }
+}
+
+/// What an observation file says of itself; time and place are filled in by the caller.
+fn header(
+    simulation: &Simulation,
+    name: &str,
+    own_signals: Option<&Vec<String>>,
+) -> ObservationFileHeader {
+    let scenario = simulation.scenario();
+    let records = simulation.navigation().ephemerides.iter();
+    let systems: Vec<_> = records.map(|record| record.satellite().system).collect();
+    let names = own_signals.unwrap_or(&scenario.signals);
+    let signals = names.iter().filter_map(|name| name.parse::<Signal>().ok());
+    let channel = |record: &Ephemeris| match record {
+        Ephemeris::Glonass(g) => Some((record.satellite().number, g.elements().channel)),
+        Ephemeris::Kepler(_) => None,
+    };
+    ObservationFileHeader {
+        marker: name.to_owned(),
+        position_m: kurs::frames::Vector::new(0.0, 0.0, 0.0),
+        interval_s: scenario.interval_s,
+        first: simulation.start(),
+        signals: signals.filter(|signal| systems.contains(&signal.band.system)).collect(),
+        glonass_channels: simulation.navigation().ephemerides.iter().filter_map(channel).collect(),
+    }
+}
+
+fn write_navigation_file(directory: &Path, navigation: &NavigationData) -> anyhow::Result<()> {
+    let mut file = OutputFile::create(directory, NAVIGATION)?;
+    write_navigation(&mut file, navigation)?;
+    file.finish()
+}
+
+/// `truth` for the first body, `truth-NAME` for others.
+fn of_body(word: &str, index: usize, body: &kurs_sim::scenario::Body) -> String {
+    if index == 0 { word.to_owned() } else { format!("{word}-{}", body.name) }
+}
+
+/// A configuration of `kurs solve` for every body with two antennas.
+fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Result<()> {
+    use std::io::Write as _;
+    for (index, body) in simulation.scenario().body.iter().enumerate() {
+        if body.antenna.len() < 2 {
+            continue;
+        }
+        let mut file =
+            OutputFile::create(directory, &format!("{}.toml", of_body("kurs", index, body)))?;
+        for antenna in &body.antenna {
+            let [x, y, z] = antenna.position_m;
+            writeln!(file, "[[antenna]]\nname = \"{0}\"\nobs = [\"{0}.rnx\"]", antenna.name)?;
+            writeln!(file, "position_m = [{x:?}, {y:?}, {z:?}]\n")?;
+        }
+        writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]\n\n[solve]")?;
+        if body.antenna.len() > 2 {
+            writeln!(file, "constraint = \"none\"")?;
+        }
+        file.finish()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,121 @@
+//! Scenario files, the built-in ones too, and the files that they refer to.
+
+use std::fs::File;
+use std::path::Path;
+
+use anyhow::Context;
+use kurs::ephemeris::NavigationData;
+use kurs_formats::source::Source;
+use kurs_sim::motion::RecordedPose;
+use kurs_sim::scenario::{MotionPlan, Place, Scenario};
+use kurs_sim::simulation::Attachments;
+use serde::Deserialize;
+
+use crate::config_file;
+use crate::failure::UsageError;
+
+/// Scenarios that the program carries.
+const BUILT_IN: [(&str, &str); 8] = [
+    ("roof-static", include_str!("../../../../scenarios/roof-static.toml")),
+    ("car", include_str!("../../../../scenarios/car.toml")),
+    ("ship", include_str!("../../../../scenarios/ship.toml")),
+    ("uav", include_str!("../../../../scenarios/uav.toml")),
+    ("urban", include_str!("../../../../scenarios/urban.toml")),
+    ("few-satellites", include_str!("../../../../scenarios/few-satellites.toml")),
+    ("leo", include_str!("../../../../scenarios/leo.toml")),
+    ("two-bodies", include_str!("../../../../scenarios/two-bodies.toml")),
+];
+
+/// Reads a scenario file, or a built-in scenario by its name, and the files that it refers to.
+pub(crate) fn load(path: &Path) -> anyhow::Result<(Scenario, Attachments)> {
+    let name = path.to_string_lossy();
+    let built_in = BUILT_IN.iter().find(|(known, _)| *known == name);
+    let scenario: Scenario = match built_in {
+        Some((_, text)) if !path.is_file() => config_file::parse(text, &name)?,
+        _ if path.is_file() => config_file::read(path)?,
+        _ => {
+            let known: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+            let known = known.join(", ");
+            let text = format!("{name}: no such file, and no built-in scenario ({known})");
+            return Err(UsageError(text).into());
+        }
+    };
+    let folder = path.parent().unwrap_or_else(|| Path::new(""));
+    let attachments = attachments(&scenario, folder)?;
+    Ok((scenario, attachments))
+}
+
+fn attachments(scenario: &Scenario, folder: &Path) -> anyhow::Result<Attachments> {
+    let mut attachments = Attachments::default();
+    if let Some(file) = &scenario.sky.navigation {
+        let mut data = NavigationData::default();
+        let mut source = Source::open(folder.join(file))?;
+        kurs_formats::navigation::read(&mut source, &mut data)?;
+        attachments.navigation = Some(data);
+    }
+    for body in &scenario.body {
+        attachments.recorded.push(match &body.motion {
+            MotionPlan::Recorded { file } => Some(recorded(&folder.join(file))?),
+            _ => None,
+        });
+    }
+    Ok(attachments)
+}
+
+/// A row of a recorded motion.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    time_s: f64,
+    latitude_deg: f64,
+    longitude_deg: f64,
+    height_m: f64,
+    heading_deg: f64,
+    pitch_deg: f64,
+    roll_deg: f64,
+}
+
+fn recorded(path: &Path) -> anyhow::Result<Vec<RecordedPose>> {
+    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let mut poses = Vec::new();
+    for row in csv::Reader::from_reader(file).deserialize() {
+        let row: Row = row.with_context(|| path.display().to_string())?;
+        let Row { latitude_deg, longitude_deg, height_m, .. } = row;
+        poses.push(RecordedPose {
+            time_s: row.time_s,
+            place: Place { latitude_deg, longitude_deg, height_m },
+            angles_deg: [row.heading_deg, row.pitch_deg, row.roll_deg],
+        });
+    }
+    Ok(poses)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kurs_sim::simulation::{SimulatedEpoch, Simulation};
+
+    /// Every built-in scenario runs and sees satellites with every antenna.
+    #[test]
+    fn built_in_scenarios_run() {
+        for (name, _) in BUILT_IN {
+            let (scenario, attachments) = load(Path::new(name)).unwrap();
+            let mut simulation = Simulation::new(scenario, &attachments).unwrap();
+            let mut epoch = SimulatedEpoch::default();
+            assert!(simulation.next_epoch(&mut epoch), "{name}");
+            for body in &epoch.bodies {
+                for antenna in body.observed.antennas.iter().flatten() {
+                    let seen = antenna.observations.len();
+                    assert!(seen >= 12, "{name}: {seen} observations");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_unknown_scenario_is_wrong_usage() {
+        let error = load(Path::new("boat")).unwrap_err();
+        assert!(error.is::<UsageError>());
+        assert!(error.to_string().contains("few-satellites"), "{error}");
+    }
+}
