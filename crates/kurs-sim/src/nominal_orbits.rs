@@ -149,9 +149,8 @@ fn walker(
     numbers: &[u8; 24],
 ) -> Vec<Orbit> {
     let share = |part: u8, whole: u8| TAU * f64::from(part) / f64::from(whole);
-    let place = |k: usize, number: &u8| {
-        let (plane, slot) = (k / usize::from(per_plane), k % usize::from(per_plane));
-        let (plane, slot) = (plane as u8, slot as u8);
+    let place = |(k, number): (u8, &u8)| {
+        let (plane, slot) = (k / per_plane, k % per_plane);
         let satellite = Satellite::new(system, *number);
         Orbit {
             satellite,
@@ -166,7 +165,7 @@ fn walker(
             geostationary_rad: None,
         }
     };
-    numbers.iter().enumerate().map(|(k, number)| place(k, number)).collect()
+    (0..).zip(numbers).map(place).collect()
 }
 
 /// An inclined orbit of one sidereal day whose ground track crosses the equator northwards at a
@@ -225,6 +224,7 @@ fn insert_kepler(
 }
 
 /// The record with its reference time `reference_s` after the start of the week.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // an issue is below 250
 fn kepler_elements(
     orbit: &Orbit,
     clock: &SatelliteClock,

@@ -35,7 +35,7 @@ pub enum Motion {
     /// Along way points.
     Car(Car),
     /// On a swell.
-    Ship(Ship),
+    Ship(Box<Ship>),
     /// On a circle, shaking.
     Uav(Uav),
     /// Around the Earth.
@@ -64,7 +64,7 @@ impl Motion {
                 attitude: attitude_of([*heading_deg, *pitch_deg, *roll_deg]),
             }),
             MotionPlan::Car { .. } => Self::Car(Car::new(plan)?),
-            MotionPlan::Ship { .. } => Self::Ship(Ship::new(plan, noise)?),
+            MotionPlan::Ship { .. } => Self::Ship(Box::new(Ship::new(plan, noise)?)),
             MotionPlan::Uav { .. } => Self::Uav(Uav::new(plan)?),
             MotionPlan::Orbit { .. } => Self::Orbit(LowOrbit::new(plan)?),
             MotionPlan::Recorded { file } => {
