@@ -36,6 +36,8 @@ pub mod float_solution;
 
 pub mod attitude;
 
+pub mod orientation;
+
 pub mod ambiguity;
 
 pub mod baseline;

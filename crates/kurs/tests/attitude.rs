@@ -303,7 +303,7 @@ fn coordinates_against_the_six_unknowns() {
             information += design.transpose() * weight * design;
         }
         let covariance = information.try_inverse().unwrap();
-        let found = normal.origin_covariance_m2(&minimum).unwrap();
+        let found = normal.point_covariance_m2(&minimum, &Vector3::zeros()).unwrap();
         assert!((found - covariance.fixed_view::<3, 3>(0, 0)).norm() < 1e-9 * found.norm());
         let found = minimum.covariance().unwrap();
         assert!((found - covariance.fixed_view::<3, 3>(3, 3)).norm() < 1e-9 * found.norm());

@@ -13,7 +13,8 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::AttitudeError;
 use super::wahba::{attitude_profile, nearest_rotation};
-use super::weighted::{AttitudeProblem, Matrix9, Minimum, matrix_of, vec_of};
+use super::weighted::{AttitudeProblem, Matrix9, Minimum, matrix_of, tangent_of, vec_of};
+use crate::frames::skew;
 
 /// A body laid onto measured points: `yᵢ ≈ t + Q pᵢ`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +81,6 @@ pub struct MeasuredPoint {
 pub struct CoordinateNormal {
     /// The attitude that remains to be found.
     pub problem: AttitudeProblem,
-    total: Matrix3<f64>,
     total_inverse: Matrix3<f64>,
     weighted_sum: Vector3<f64>,
     join: SMatrix<f64, 9, 3>,
@@ -97,40 +97,27 @@ impl CoordinateNormal {
         if points.len() < 2 {
             return Err(AttitudeError::TooFewVectors { found: points.len() });
         }
-        let mut information = Box::new(Matrix9::zeros());
-        let mut linear = Matrix3::zeros();
         let mut join = SMatrix::<f64, 9, 3>::zeros();
         let (mut total, mut weighted_sum) = (Matrix3::zeros(), Vector3::zeros());
         for MeasuredPoint { body_m: p, measured_m: y, information: w } in points {
-            let weighted = w * y;
             total += w;
-            weighted_sum += weighted;
-            linear += weighted * p.transpose();
+            weighted_sum += w * y;
             for a in 0..3 {
                 let mut block = join.fixed_view_mut::<3, 3>(3 * a, 0);
                 block += w * p[a];
-                for b in a..3 {
-                    let mut block = information.fixed_view_mut::<3, 3>(3 * a, 3 * b);
-                    block += w * (p[a] * p[b]);
-                }
             }
-        }
-        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-            let block = information.fixed_view::<3, 3>(3 * a, 3 * b).transpose();
-            information.fixed_view_mut::<3, 3>(3 * b, 3 * a).copy_from(&block);
         }
         let what = "information of the points";
         if total.iter().chain(weighted_sum.iter()).any(|c| !c.is_finite()) {
             return Err(AttitudeError::NotFinite { what });
         }
         let total_inverse = total.cholesky().ok_or(AttitudeError::Indefinite { what })?.inverse();
-        let reduced = join * total_inverse;
-        *information -= reduced * join.transpose();
-        linear -= matrix_of(&(reduced * weighted_sum));
-        let symmetric = 0.5 * (*information + information.transpose());
-        *information = symmetric;
-        let problem = AttitudeProblem::General { information, linear };
-        Ok(Self { problem, total, total_inverse, weighted_sum, join })
+        let problem = if points.iter().all(|point| point.information == points[0].information) {
+            separable(points)
+        } else {
+            general(points, &join, &total_inverse, &weighted_sum)
+        };
+        Ok(Self { problem, total_inverse, weighted_sum, join })
     }
 
     /// Position of the body origin at the attitude `Q`, m: `t = W⁻¹ (Σ Wᵢyᵢ − Kᵀ q)`.
@@ -139,23 +126,55 @@ impl CoordinateNormal {
         self.total_inverse * (self.weighted_sum - self.join.transpose() * vec_of(rotation))
     }
 
-    /// Covariance of [`CoordinateNormal::origin_m`], m²: its own noise, `W⁻¹`, and that of the
-    /// attitude, `∂t/∂θ P ∂t/∂θᵀ`.
+    /// Covariance of the point `b` of the body, `t + Q b`, m²: the noise of the position, `W⁻¹`, and
+    /// that of the attitude, `D P Dᵀ` with `D = ∂t/∂θ − Q [b]×`.
     ///
     /// # Errors
     ///
     /// [`AttitudeError::Unobservable`].
-    pub fn origin_covariance_m2(&self, minimum: &Minimum) -> Result<Matrix3<f64>, AttitudeError> {
-        let by_turn = -self.total_inverse
-            * self.join.transpose()
-            * super::weighted::tangent_of(&minimum.rotation);
-        let turned = by_turn * minimum.covariance()? * by_turn.transpose();
-        Ok(self.total_inverse + turned)
+    pub fn point_covariance_m2(
+        &self,
+        minimum: &Minimum,
+        body_m: &Vector3<f64>,
+    ) -> Result<Matrix3<f64>, AttitudeError> {
+        let origin = -self.total_inverse * self.join.transpose() * tangent_of(&minimum.rotation);
+        let by_turn = origin - minimum.rotation * skew(body_m);
+        Ok(self.total_inverse + by_turn * minimum.covariance()? * by_turn.transpose())
     }
+}
 
-    /// `W`: information of the position if the attitude were known, per m².
-    #[must_use]
-    pub fn total_information(&self) -> Matrix3<f64> {
-        self.total
+/// Equal informations `W`: `G = R ⊗ W` with the spread `R` about the centroid.
+fn separable(points: &[MeasuredPoint]) -> AttitudeProblem {
+    let count = points.len() as f64;
+    let body_centre = points.iter().map(|point| point.body_m).sum::<Vector3<f64>>() / count;
+    let measured_centre = points.iter().map(|point| point.measured_m).sum::<Vector3<f64>>() / count;
+    let (mut spread, mut cross) = (Matrix3::zeros(), Matrix3::zeros());
+    for point in points {
+        let p = point.body_m - body_centre;
+        spread += p * p.transpose();
+        cross += (point.measured_m - measured_centre) * p.transpose();
     }
+    let normal = points[0].information;
+    AttitudeProblem::Separable { normal, spread, cross: normal * cross }
+}
+
+/// `G` and `h` as in the header.
+fn general(
+    points: &[MeasuredPoint],
+    join: &SMatrix<f64, 9, 3>,
+    total_inverse: &Matrix3<f64>,
+    weighted_sum: &Vector3<f64>,
+) -> AttitudeProblem {
+    let mut information = Box::new(Matrix9::zeros());
+    let mut linear = Matrix3::zeros();
+    for MeasuredPoint { body_m: p, measured_m: y, information: w } in points {
+        linear += w * y * p.transpose();
+        *information += (p * p.transpose()).kronecker(w);
+    }
+    let reduced = join * total_inverse;
+    *information -= reduced * join.transpose();
+    linear -= matrix_of(&(reduced * weighted_sum));
+    let symmetric = 0.5 * (*information + information.transpose());
+    *information = symmetric;
+    AttitudeProblem::General { information, linear }
 }

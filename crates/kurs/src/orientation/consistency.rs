@@ -1,0 +1,282 @@
+//! Do the measured points keep the known distances? Which antenna is off?
+//!
+//! The weighted squares of a fit of `n` points, `χ²` of `3n − 6` degrees of freedom (`3n − 5` for a
+//! line), contain nothing but what the known distances say. Where they are too large every antenna
+//! is left out in turn; one is blamed only if the others then agree and no other one explains as
+//! much. With three antennas the distances show that something is wrong, never which one it is; a
+//! displacement across the plane of three antennas, or of two in a flat array of four, changes the
+//! distances least and is found last.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::attitude::coordinates::{CoordinateNormal, MeasuredPoint};
+use crate::attitude::{AttitudeError, Direction, Minimum};
+
+/// Standard normal deviate of the false alarm rate 1e-4.
+const ALARM_DEVIATE: f64 = 3.719;
+/// How much worse in χ² the next explanation must be.
+const SEPARATION: f64 = 15.0;
+/// Half of χ² that another attitude must cost more.
+const LEAST_GAP: f64 = 8.0;
+/// Points off their line by less than this share of its length are on it.
+const LINE_RATIO: f64 = 1e-3;
+
+/// The body laid onto the measured points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// What the points determine.
+    pub kind: FitKind,
+    /// Index of the point that was left out.
+    pub excluded: Option<usize>,
+    /// Weighted squares of the residuals.
+    pub chi_squared: f64,
+    /// What they would be on average.
+    pub degrees_of_freedom: usize,
+    /// Root mean square of the residual components, m.
+    pub residual_rms_m: f64,
+}
+
+/// What the points determine.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FitKind {
+    /// The attitude.
+    Body {
+        /// The attitude.
+        minimum: Minimum,
+        /// What gives the position.
+        normal: Box<CoordinateNormal>,
+    },
+    /// The direction of the line on which the antennas are.
+    Line {
+        /// The line in body axes, a unit vector.
+        axis: Vector3<f64>,
+        /// The line in the outside frame.
+        direction: Direction,
+    },
+}
+
+/// Why there is no fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoFit {
+    /// Fewer than two antennas.
+    TooFew,
+    /// The points break the known distances, and no single one is to blame.
+    Inconsistent,
+    /// Two attitudes fit.
+    TwoMinima,
+    /// Numbers without a fit.
+    BadInput,
+}
+
+/// The fit of all points, or of all but the one that breaks the known distances.
+///
+/// # Errors
+///
+/// [`NoFit`].
+pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+    let all = fit(points)?;
+    if all.is_consistent() {
+        return Ok(all);
+    }
+    if points.len() < 4 {
+        return Err(NoFit::Inconsistent);
+    }
+    let mut best: Option<Fit> = None;
+    let mut next = f64::INFINITY;
+    let mut rest = Vec::with_capacity(points.len() - 1);
+    for excluded in 0..points.len() {
+        rest.clear();
+        rest.extend(points.iter().enumerate().filter(|(i, _)| *i != excluded).map(|(_, p)| *p));
+        let Ok(candidate) = fit(&rest) else { continue };
+        let lowest = best.as_ref().map_or(f64::INFINITY, |best| best.chi_squared);
+        if candidate.chi_squared < lowest {
+            next = lowest;
+            best = Some(Fit { excluded: Some(excluded), ..candidate });
+        } else {
+            next = next.min(candidate.chi_squared);
+        }
+    }
+    best.filter(|best| best.is_consistent() && next - best.chi_squared > SEPARATION)
+        .ok_or(NoFit::Inconsistent)
+}
+
+/// The factor by which the stated variances must be multiplied so that half of the epochs have more
+/// than the median of χ²; `None` without redundant epochs.
+#[must_use]
+pub fn variance_factor<'a>(epochs: impl Iterator<Item = &'a [MeasuredPoint]>) -> Option<f64> {
+    let mut ratios: Vec<f64> = epochs
+        .filter_map(|points| {
+            let fit = fit(points).ok()?;
+            Some(fit.chi_squared / chi_squared_quantile(fit.degrees_of_freedom, 0.0))
+        })
+        .collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied()
+}
+
+/// The fit of all points, consistent or not.
+///
+/// # Errors
+///
+/// [`NoFit`], but never [`NoFit::Inconsistent`].
+pub fn fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+    match points {
+        [] | [_] => Err(NoFit::TooFew),
+        _ => line_axis(points).map_or_else(|| fit_body(points), |axis| fit_line(points, axis)),
+    }
+}
+
+fn fit_body(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+    let normal = CoordinateNormal::new(points).map_err(no_fit)?;
+    let global = normal.problem.global_minimum(LEAST_GAP).map_err(no_fit)?;
+    if global.uniqueness.is_ambiguous(LEAST_GAP) {
+        return Err(NoFit::TwoMinima);
+    }
+    let rotation = global.minimum.rotation;
+    let origin = normal.origin_m(&rotation);
+    let kind = FitKind::Body { minimum: global.minimum, normal: Box::new(normal) };
+    Ok(Fit::new(kind, points, 6, |p| origin + rotation * p))
+}
+
+/// Antennas on one line: positions along it are all that counts.
+fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<Fit, NoFit> {
+    let first = points[0].body_m;
+    let along = |body: &Vector3<f64>| axis.dot(&(body - first));
+    let on_line: Vec<MeasuredPoint> = points
+        .iter()
+        .map(|point| MeasuredPoint { body_m: axis * along(&point.body_m), ..*point })
+        .collect();
+    let normal = CoordinateNormal::new(&on_line).map_err(no_fit)?;
+    let direction = normal.problem.direction(&axis).map_err(no_fit)?;
+    if direction.cost_gap.is_some_and(|gap| gap < LEAST_GAP) {
+        return Err(NoFit::TwoMinima);
+    }
+    // Only Q e = u matters to points on the line.
+    let origin = normal.origin_m(&(direction.unit * axis.transpose()));
+    let kind = FitKind::Line { axis, direction };
+    Ok(Fit::new(kind, points, 5, |body| origin + direction.unit * along(body)))
+}
+
+fn no_fit(error: AttitudeError) -> NoFit {
+    match error {
+        AttitudeError::TooFewVectors { .. } => NoFit::TooFew,
+        _ => NoFit::BadInput,
+    }
+}
+
+/// The line on which all points are, from the first to the farthest; `None` if they are not on one.
+fn line_axis(points: &[MeasuredPoint]) -> Option<Vector3<f64>> {
+    let first = points[0].body_m;
+    let offsets = points.iter().map(|point| point.body_m - first);
+    let farthest = offsets.clone().max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
+    let length = farthest.norm();
+    let axis = farthest / length;
+    offsets.clone().all(|offset| axis.cross(&offset).norm() < LINE_RATIO * length).then_some(axis)
+}
+
+impl Fit {
+    fn new(
+        kind: FitKind,
+        points: &[MeasuredPoint],
+        unknowns: usize,
+        predicted: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+    ) -> Self {
+        let (mut chi_squared, mut squares) = (0.0, 0.0);
+        for point in points {
+            let residual = point.measured_m - predicted(&point.body_m);
+            chi_squared += residual.dot(&(point.information * residual));
+            squares += residual.norm_squared();
+        }
+        let count = 3 * points.len();
+        Self {
+            kind,
+            excluded: None,
+            chi_squared,
+            degrees_of_freedom: count - unknowns,
+            residual_rms_m: (squares / count as f64).sqrt(),
+        }
+    }
+
+    /// Whether χ² is below what chance exceeds once in ten thousand epochs.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        self.chi_squared <= chi_squared_quantile(self.degrees_of_freedom, ALARM_DEVIATE)
+    }
+
+    /// The rotation, where the points determine one.
+    #[must_use]
+    pub fn rotation(&self) -> Option<Matrix3<f64>> {
+        match &self.kind {
+            FitKind::Body { minimum, .. } => Some(minimum.rotation),
+            FitKind::Line { .. } => None,
+        }
+    }
+}
+
+/// Quantile of χ² at a standard normal deviate, by Wilson and Hilferty (1931): within 1 % from one
+/// degree of freedom on.
+fn chi_squared_quantile(degrees_of_freedom: usize, deviate: f64) -> f64 {
+    let k = degrees_of_freedom as f64;
+    let variance = 2.0 / (9.0 * k);
+    k * (1.0 - variance + deviate * variance.sqrt()).powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude::weighted::exponential;
+
+    fn square(count: usize, displaced: usize, by: Vector3<f64>) -> Vec<MeasuredPoint> {
+        let corners = [[0.0, 0.0], [0.8, 0.0], [0.0, 0.8], [0.8, 0.8]];
+        let rotation = exponential(&Vector3::new(0.1, -0.2, 2.0));
+        let point = |(index, [x, y]): (usize, [f64; 2])| {
+            let body_m = Vector3::new(x, y, 0.0);
+            let shift = if index == displaced { by } else { Vector3::zeros() };
+            let information = Matrix3::from_diagonal(&Vector3::new(1e4, 1e4, 2.5e3));
+            MeasuredPoint { body_m, measured_m: rotation * (body_m + shift), information }
+        };
+        corners.into_iter().take(count).enumerate().map(point).collect()
+    }
+
+    /// Abramowitz and Stegun, table 26.8: χ² with probability 1e-4 of being exceeded, and medians.
+    #[test]
+    fn quantiles() {
+        for (k, expected) in [(1, 15.137), (3, 21.108), (6, 27.856)] {
+            let found = chi_squared_quantile(k, ALARM_DEVIATE);
+            assert!((found / expected - 1.0).abs() < 0.015, "{k}: {found}");
+        }
+        assert!((chi_squared_quantile(6, 0.0) / 5.348 - 1.0).abs() < 0.005);
+    }
+
+    #[test]
+    fn one_of_four_is_found() {
+        for displaced in 0..4 {
+            let points = square(4, displaced, Vector3::new(0.3, 0.1, 0.0));
+            let fit = consistent_fit(&points).unwrap();
+            assert_eq!(fit.excluded, Some(displaced));
+            assert!(fit.chi_squared < 1e-9);
+        }
+        let good = consistent_fit(&square(4, 4, Vector3::zeros())).unwrap();
+        assert_eq!((good.excluded, good.degrees_of_freedom), (None, 6));
+    }
+
+    /// Across the plane of a square every corner explains it equally: refused, nobody blamed.
+    #[test]
+    fn across_a_flat_array_nobody_is_blamed() {
+        let points = square(4, 2, Vector3::new(0.0, 0.0, 0.5));
+        assert_eq!(consistent_fit(&points), Err(NoFit::Inconsistent));
+    }
+
+    #[test]
+    fn three_and_two_antennas_are_refused_or_pass() {
+        let along = Vector3::new(0.3, 0.0, 0.0);
+        assert_eq!(consistent_fit(&square(3, 1, along)), Err(NoFit::Inconsistent));
+        assert_eq!(consistent_fit(&square(2, 1, along)), Err(NoFit::Inconsistent));
+        assert_eq!(consistent_fit(&square(1, 1, along)), Err(NoFit::TooFew));
+        // Across the plane of three antennas nothing shows: the body seems to tilt.
+        let across = consistent_fit(&square(3, 1, Vector3::new(0.0, 0.0, 0.05))).unwrap();
+        assert!(across.is_consistent());
+        let line = consistent_fit(&square(2, 4, along)).unwrap();
+        assert!(matches!(line.kind, FitKind::Line { .. }) && line.degrees_of_freedom == 1);
+    }
+}
