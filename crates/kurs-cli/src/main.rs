@@ -6,10 +6,12 @@
 
 mod config_file;
 mod failure;
+mod orient;
 mod output;
 mod progress;
 mod simulate;
 mod solve;
+mod summary;
 mod table;
 mod tables;
 
@@ -29,6 +31,7 @@ struct Cli {
 enum Command {
     Solve(Box<solve::Args>),
     Simulate(simulate::Args),
+    Orient(orient::Args),
 }
 
 fn main() -> ExitCode {
@@ -36,6 +39,7 @@ fn main() -> ExitCode {
     let result: anyhow::Result<ExitCode> = match cli.command {
         Command::Solve(args) => solve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Orient(args) => orient::run(&args),
     };
     failure::exit_code(result)
 }

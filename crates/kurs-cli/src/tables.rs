@@ -172,7 +172,8 @@ fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
     t.real(row.residual_rms_m, 5);
     position_columns(t, row.position.as_ref());
     // The tag is by the receiver's clock: true time is the tag less the clock bias.
-    let bias_s = row.position.map_or(0.0, |p| p.clock_m / SPEED_OF_LIGHT_MPS);
+    let bias_s =
+        row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
     t.text(&format!("{}Z", (row.time + -bias_s).utc().iso(6)));
     let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
     for i in 0..4 {
@@ -215,7 +216,7 @@ fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
     for i in 0..3 {
         t.real(velocity.map(|v| v[i]), 4);
     }
-    t.real(position.map(|p| p.clock_m), 4);
+    t.real(position.and_then(|p| p.clock_m), 4);
 }
 
 fn standard_deviations(t: &mut Table, covariance: Option<&Matrix3<f64>>, decimals: usize) {

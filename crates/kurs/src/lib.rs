@@ -36,8 +36,6 @@ pub mod float_solution;
 
 pub mod attitude;
 
-pub mod orientation;
-
 pub mod ambiguity;
 
 pub mod baseline;
@@ -47,6 +45,8 @@ pub mod selection;
 pub mod engine;
 
 // Beside the chain.
+pub mod orientation;
+
 pub mod fusion;
 
 pub mod trajectory;

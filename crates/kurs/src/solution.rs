@@ -121,8 +121,8 @@ pub struct PositionEstimate {
     pub covariance_m2: Matrix3<f64>,
     /// Velocity, m/s, where there is Doppler.
     pub velocity_mps: Option<Vector<Ned>>,
-    /// Clock of the first antenna's receiver times c, m.
-    pub clock_m: f64,
+    /// Clock of the first antenna's receiver times c, m, where it was estimated.
+    pub clock_m: Option<f64>,
 }
 
 /// A baseline in local level axes at the first antenna.

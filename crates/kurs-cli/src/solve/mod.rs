@@ -3,7 +3,6 @@
 mod config;
 mod nmea;
 mod streams;
-mod summary;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -18,12 +17,12 @@ use kurs_formats::source::Source;
 use crate::failure::UsageError;
 use crate::output::OutputFile;
 use crate::progress::Progress;
+use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
 use config::{Loaded, Overrides};
 use nmea::NmeaLog;
 use streams::Streams;
-use summary::{Damage, Summary};
 
 /// Attitude, baselines and position from observation and navigation files.
 #[derive(Debug, clap::Args)]
@@ -90,7 +89,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
         let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
-        summary.add(&row, &names);
+        summary.add(&row, row.shared_satellites >= 4, &names);
         outputs.write(&row)?;
         progress.epoch(row.status == Status::Fixed);
     }

@@ -67,7 +67,7 @@ impl Engine {
             position_m: point.position_m,
             covariance_m2: ned_from_ecef.turn_covariance(&point.covariance_m2),
             velocity_mps: located.velocity.map(|v| ned_from_ecef * v.velocity_mps),
-            clock_m: point.clock_m,
+            clock_m: Some(point.clock_m),
         })
     }
 

@@ -103,10 +103,10 @@ pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
 /// The factor by which the stated variances must be multiplied so that half of the epochs have more
 /// than the median of χ²; `None` without redundant epochs.
 #[must_use]
-pub fn variance_factor<'a>(epochs: impl Iterator<Item = &'a [MeasuredPoint]>) -> Option<f64> {
+pub fn variance_factor(epochs: impl Iterator<Item = Vec<MeasuredPoint>>) -> Option<f64> {
     let mut ratios: Vec<f64> = epochs
         .filter_map(|points| {
-            let fit = fit(points).ok()?;
+            let fit = fit(&points).ok()?;
             Some(fit.chi_squared / chi_squared_quantile(fit.degrees_of_freedom, 0.0))
         })
         .collect();

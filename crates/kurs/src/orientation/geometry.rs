@@ -71,8 +71,7 @@ pub fn estimate(
     let squared_m2 = squared_distances(&sample, antennas)?;
     let local: Vec<LocalPoints> = sample.iter().map(|epoch| local_points(epoch)).collect();
     let scaled = classical_scaling(&squared_m2);
-    let mirrored: Vec<Vector3<f64>> =
-        scaled.iter().map(|p| Vector3::new(p.x, p.y, -p.z)).collect();
+    let mirrored: Vec<Vector3<f64>> = scaled.iter().map(|p| Vector3::new(p.x, p.y, -p.z)).collect();
     let shape = [scaled, mirrored]
         .map(|shape| refined(shape, &local))
         .into_iter()
@@ -205,9 +204,10 @@ fn local_points(epoch: &PositionEpoch) -> LocalPoints {
 /// antenna off that line in the x–y plane, z down on the average.
 fn body_axes(shape: &[Vector3<f64>], local: &[LocalPoints]) -> Matrix3<f64> {
     let x = shape[1] - shape[0];
-    let off_line = shape.iter().map(|p| p - shape[0]).find(|offset| {
-        x.cross(offset).norm() > FLAT_RATIO * x.norm() * offset.norm().max(1e-3)
-    });
+    let off_line = shape
+        .iter()
+        .map(|p| p - shape[0])
+        .find(|offset| x.cross(offset).norm() > FLAT_RATIO * x.norm() * offset.norm().max(1e-3));
     let Some(side) = off_line else {
         // A line: any direction across it will do.
         let mut across = Vector3::zeros();
@@ -244,5 +244,7 @@ fn spread(positions: &[Vector3<f64>], local: &[LocalPoints]) -> Vec<[f64; 3]> {
             }
         }
     }
-    sums.into_iter().map(|(sum, count)| (sum / f64::max(count, 1.0)).map(f64::sqrt).into()).collect()
+    sums.into_iter()
+        .map(|(sum, count)| (sum / f64::max(count, 1.0)).map(f64::sqrt).into())
+        .collect()
 }

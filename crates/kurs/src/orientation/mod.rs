@@ -23,6 +23,8 @@ use crate::solution::{
 use crate::time::GpsTime;
 use consistency::{Fit, FitKind, NoFit};
 
+/// Epochs from which the factor on the standard deviations is found.
+const MOST_EPOCHS_FOR_FACTOR: usize = 5000;
 /// Step of the central differences for the covariance of the three-point method, m.
 const DIFFERENCE_STEP_M: f64 = 1e-4;
 
@@ -60,6 +62,8 @@ pub struct Settings {
     pub array: AntennaArray,
     /// How well they are known, m.
     pub array_sd_m: f64,
+    /// Factor on the standard deviations that the coordinates state.
+    pub sd_scale: f64,
     /// How the attitude is found.
     pub method: Method,
     /// What the body cannot exceed in pitch or roll.
@@ -103,6 +107,16 @@ impl Orienter {
         Ok(Self { settings })
     }
 
+    /// The factor on all standard deviations with which the known distances are kept as well as
+    /// chance lets them be, from the median epoch; `None` without epochs that can tell.
+    #[must_use]
+    pub fn sd_factor(&self, epochs: &[PositionEpoch]) -> Option<f64> {
+        let step = epochs.len().div_ceil(MOST_EPOCHS_FOR_FACTOR).max(1);
+        let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
+        let points = local.map(|local| local.points.iter().map(|p| p.point).collect());
+        Some(consistency::variance_factor(points)?.sqrt())
+    }
+
     /// The row of one epoch.
     #[must_use]
     pub fn push(&self, epoch: &PositionEpoch) -> EpochSolution {
@@ -138,7 +152,8 @@ impl Orienter {
         let ned_from_ecef = anchor.ned_from_ecef();
         let points = present().map(|(antenna, fix)| {
             let array_variance = self.settings.array_sd_m * self.settings.array_sd_m;
-            let variances = Vector3::from(fix.sd_ned_m).map(|sd| sd * sd);
+            let variances =
+                Vector3::from(fix.sd_ned_m).map(|sd| (self.settings.sd_scale * sd).powi(2));
             let point = MeasuredPoint {
                 body_m: array.positions_m()[antenna].xyz(),
                 measured_m: (ned_from_ecef * (fix.position_m - first.position_m)).xyz(),
@@ -156,7 +171,10 @@ impl Orienter {
         row.residual_rms_m = Some(fit.residual_rms_m);
         (row.status, row.reason) = (Status::Fixed, None);
         row.baselines =
-            baselines(local, |index| if used(index) { Status::Fixed } else { Status::Inconsistent });
+            baselines(
+                local,
+                |index| if used(index) { Status::Fixed } else { Status::Inconsistent },
+            );
 
         let attitude = match (&fit.kind, self.settings.method) {
             (FitKind::Line { axis, direction }, _) => line_attitude(axis, direction),
@@ -164,9 +182,13 @@ impl Orienter {
                 full_attitude(minimum.rotation, &minimum.covariance().unwrap_or_default())
             }
             (FitKind::Body { .. }, Method::ThreePoint) => {
-                match three_point_attitude(local.points.iter().enumerate().filter_map(
-                    |(index, point)| used(index).then_some(*point),
-                )) {
+                match three_point_attitude(
+                    local
+                        .points
+                        .iter()
+                        .enumerate()
+                        .filter_map(|(index, point)| used(index).then_some(*point)),
+                ) {
                     Ok(attitude) => attitude,
                     Err(reason) => return refuse(row, reason),
                 }
@@ -192,7 +214,11 @@ impl Orienter {
             row.points = points
                 .map(|(index, body)| {
                     let (position_m, covariance_m2) = place(body);
-                    PointEstimate { index, geodetic: Geodetic::from_ecef(position_m), covariance_m2 }
+                    PointEstimate {
+                        index,
+                        geodetic: Geodetic::from_ecef(position_m),
+                        covariance_m2,
+                    }
                 })
                 .collect();
         }

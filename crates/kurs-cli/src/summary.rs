@@ -65,15 +65,15 @@ pub(crate) struct SummaryFile<'a> {
 }
 
 impl Summary {
-    /// Takes one row into account.
-    pub(crate) fn add(&mut self, row: &EpochSolution, antennas: &[String]) {
+    /// Takes one row into account; `capable`: it had enough input to be fixed.
+    pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool, antennas: &[String]) {
         self.epochs += 1;
         *self.by_status.entry(row.status.word()).or_default() += 1;
         if let Some(reason) = row.reason {
             *self.reasons.entry(reason.word()).or_default() += 1;
         }
         self.first.get_or_insert(row.time);
-        self.capable += u64::from(row.shared_satellites >= 4);
+        self.capable += u64::from(capable);
         if row.status != Status::Fixed {
             return;
         }
