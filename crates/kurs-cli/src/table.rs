@@ -50,7 +50,7 @@ impl Table {
         match value.filter(|v| v.is_finite()) {
             Some(value) => {
                 self.start_field();
-                let _ = write!(self.row, "{value:.decimals$}");
+                write_decimal(&mut self.row, value, decimals);
             }
             None => self.nothing(),
         }
@@ -116,6 +116,38 @@ impl Table {
     }
 }
 
+/// Writes `value` with this many decimals; through whole numbers where they can hold it, which is
+/// several times faster than the exact way and the same but for ties.
+fn write_decimal(text: &mut String, value: f64, decimals: usize) {
+    /// Whole numbers below are exact in an `f64`.
+    const EXACT: f64 = 9_007_199_254_740_992.0;
+    const DIGITS: usize = 24;
+    let scale = 10_f64.powi(i32::try_from(decimals).unwrap_or(i32::MAX));
+    let scaled = (value * scale).round();
+    if scaled.abs() >= EXACT || decimals + 2 > DIGITS {
+        let _ = write!(text, "{value:.decimals$}");
+        return;
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below 2⁵³, and absolute
+    let mut rest = scaled.abs() as u64;
+    let mut digits = [b'0'; DIGITS];
+    let mut start = DIGITS;
+    while rest > 0 || DIGITS - start <= decimals {
+        start -= 1;
+        digits[start] = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    if scaled < 0.0 {
+        text.push('-');
+    }
+    let point = DIGITS - decimals;
+    text.extend(digits[start..point].iter().map(|digit| char::from(*digit)));
+    if decimals > 0 {
+        text.push('.');
+        text.extend(digits[point..].iter().map(|digit| char::from(*digit)));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,6 +166,29 @@ mod tests {
         table.finish().unwrap();
         let file = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap();
         std::fs::read_to_string(file.path()).unwrap()
+    }
+
+    #[test]
+    fn decimals_are_those_of_the_standard_library() {
+        let values =
+            [0.0, 0.5, -0.25, 1.0, -1e-9, 359.999_996, 1e9 / 7.0, -2.0 / 3.0, 1e17, 604_799.9];
+        for value in values {
+            for (decimals, unit) in [(0, 1.0), (3, 1e-3), (5, 1e-5), (9, 1e-9)] {
+                let mut text = String::new();
+                write_decimal(&mut text, value, decimals);
+                let exact = format!("{value:.decimals$}");
+                let (found, wanted): (f64, f64) = (text.parse().unwrap(), exact.parse().unwrap());
+                assert!((found - wanted).abs() <= 1.01 * unit, "{text} {exact}");
+                assert_eq!(
+                    text.split('.').nth(1).map(str::len),
+                    exact.split('.').nth(1).map(str::len)
+                );
+            }
+        }
+        let mut text = String::new();
+        write_decimal(&mut text, -12.345_67, 5);
+        write_decimal(&mut text, 0.000_04, 4);
+        assert_eq!(text, "-12.345670.0000");
     }
 
     #[test]

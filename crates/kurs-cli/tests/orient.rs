@@ -144,7 +144,7 @@ fn four_antennas_are_honest_and_find_the_displaced_one() {
     assert!(count >= 0.999 * (6000.0 - 120.0), "{count} epochs without displacement are fixed");
 }
 
-/// Across the plane of three antennas a displacement looks like a tilt: about a fifth passes
+/// Across the plane of three antennas a displacement looks like a tilt: about three in a hundred pass
 /// (`docs/reference/orient.md`).
 #[test]
 fn three_antennas_refuse_what_shows() {
@@ -153,7 +153,7 @@ fn three_antennas_refuse_what_shows() {
     let rows = orient(folder.path(), &configuration(3, true), &positions);
     let displaced = rows.iter().zip(&truths).filter(|(_, truth)| truth.is_displaced);
     let passed = displaced.filter(|(row, _)| is_fixed(row)).count();
-    assert!((6..48).contains(&passed), "{passed} of 120 pass");
+    assert!(passed <= 12, "{passed} of 120 pass");
 }
 
 #[test]
