@@ -28,8 +28,10 @@ fn main() {
     {
         return run_one(reader, Path::new(path));
     }
-    let data = std::env::var_os("KURS_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    let data = std::env::var_os("KURS_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
+        PathBuf::from,
+    );
     let recording = data.join(RECORDING);
     if !recording.exists() {
         println!("skipped: no recording {}", recording.display());
@@ -85,7 +87,11 @@ fn expand(path: &Path, folder: &Path) -> Vec<u8> {
     fs::copy(path, &copy).expect("copy");
     let script = "import sys, hatanaka; sys.stdout.buffer.write(hatanaka.decompress(open(sys.argv[1], 'rb').read()))";
     let output = Command::new("python3").args(["-c", script]).arg(&copy).output().expect("python3");
-    assert!(output.status.success(), "pip install hatanaka: {:?}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "pip install hatanaka: {:?}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     output.stdout
 }
 
@@ -101,10 +107,23 @@ fn repeat(text: &[u8], copies: u32) -> Vec<u8> {
                     String::from_utf8_lossy(&line[range]).trim().parse::<u8>().expect("a number")
                 };
                 let year = String::from_utf8_lossy(&line[2..6]).parse().expect("a year");
-                let date = Calendar { year, month: part(7..9), day: part(10..12), hour: part(13..15), minute: part(16..18), second: 0.0 };
-                let later = GpsTime::from_calendar(date).expect("a date") + f64::from(copy) * 3600.0;
+                let date = Calendar {
+                    year,
+                    month: part(7..9),
+                    day: part(10..12),
+                    hour: part(13..15),
+                    minute: part(16..18),
+                    second: 0.0,
+                };
+                let later =
+                    GpsTime::from_calendar(date).expect("a date") + f64::from(copy) * 3600.0;
                 let c = later.calendar();
-                write!(out, "> {:04} {:02} {:02} {:02} {:02}", c.year, c.month, c.day, c.hour, c.minute).expect("write");
+                write!(
+                    out,
+                    "> {:04} {:02} {:02} {:02} {:02}",
+                    c.year, c.month, c.day, c.hour, c.minute
+                )
+                .expect("write");
                 out.extend_from_slice(&line[18..]);
             } else {
                 out.extend_from_slice(line);
