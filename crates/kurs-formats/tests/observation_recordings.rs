@@ -40,8 +40,12 @@ fn values(epochs: &[AntennaEpoch]) -> usize {
 #[test]
 fn blank_system_letters() {
     let Some(folder) = data() else { return };
-    let epochs = epochs(&folder.join("formats/KOSG0010.95O"));
+    let path = folder.join("formats/KOSG0010.95O");
+    let epochs = epochs(&path);
     assert_eq!((epochs.len(), values(&epochs)), (3, 115 - 23));
+    let mut reader = ObservationReader::open(path).unwrap();
+    while reader.next_epoch(&mut AntennaEpoch::default()).unwrap() {}
+    assert_eq!(reader.field_count(), 115);
 }
 
 /// Counted by a separate program: epoch lines, and fields that are neither blank nor zero (after

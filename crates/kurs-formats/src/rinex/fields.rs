@@ -98,12 +98,24 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
 /// What stands in the 14 columns of an observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Value {
-    /// Blanks, or the number zero: the observation is missing.
-    Missing,
+    /// Blanks: the observation is missing.
+    Blank,
+    /// The number zero, which means the same.
+    Zero,
     /// The number.
     Number(f64),
     /// Something else, or a number in the wrong columns.
     Damaged,
+}
+
+impl Value {
+    /// The number, if the observation is not missing.
+    pub(crate) const fn number(self) -> Option<f64> {
+        match self {
+            Self::Number(number) => Some(number),
+            Self::Blank | Self::Zero | Self::Damaged => None,
+        }
+    }
 }
 
 /// Reads an F14.3 field and divides by `factor` (1, or a scale factor of the header).
@@ -113,14 +125,14 @@ pub(crate) enum Value {
 /// double, as in [`decimal`].
 pub(crate) fn f14_3(field: &[u8], factor: f64) -> Value {
     let Ok(field) = <&[u8; 14]>::try_from(field) else {
-        return if field.trim_ascii().is_empty() { Value::Missing } else { Value::Damaged };
+        return if field.trim_ascii().is_empty() { Value::Blank } else { Value::Damaged };
     };
     let mut start = 0;
     while start < 14 && field[start] == b' ' {
         start += 1;
     }
     if start == 14 {
-        return Value::Missing;
+        return Value::Blank;
     }
     let negative = field[start] == b'-';
     start += usize::from(negative);
@@ -136,7 +148,7 @@ pub(crate) fn f14_3(field: &[u8], factor: f64) -> Value {
         mantissa = mantissa * 10 + u64::from(digit);
     }
     if mantissa == 0 {
-        return Value::Missing;
+        return Value::Zero;
     }
     let magnitude = mantissa as f64 / (1000.0 * factor);
     Value::Number(if negative { -magnitude } else { magnitude })
@@ -185,8 +197,11 @@ mod tests {
         assert_eq!(f14_3(b" -16928881.668", 1.0), Value::Number(-16_928_881.668));
         assert_eq!(f14_3(b"          .500", 1.0), Value::Number(0.5));
         assert_eq!(f14_3(b"     16928.815", 10.0), Value::Number(1692.8815));
-        for missing in [&b"              "[..], b"         0.000", b"", b"   "] {
-            assert_eq!(f14_3(missing, 1.0), Value::Missing);
+        for blank in [&b"              "[..], b"", b"   "] {
+            assert_eq!(f14_3(blank, 1.0), Value::Blank);
+        }
+        for zero in [&b"         0.000"[..], b"          .000", b"        -0.000"] {
+            assert_eq!(f14_3(zero, 1.0), Value::Zero);
         }
         for damaged in [
             &b"  2290716.0763"[..],
@@ -207,8 +222,8 @@ mod tests {
             let written = format!("{sign}{}.{:03}", magnitude / 1000, magnitude % 1000);
             let value = match f14_3(format!("{written:>14}").as_bytes(), 1.0) {
                 Value::Number(value) => value,
-                Value::Missing => 0.0,
-                Value::Damaged => f64::NAN,
+                Value::Zero => 0.0,
+                Value::Blank | Value::Damaged => f64::NAN,
             };
             prop_assert_eq!(value, written.parse::<f64>().unwrap());
             prop_assert_eq!(decimal(written.as_bytes()), Some(value));

@@ -214,39 +214,42 @@ impl CompactLines {
             damage.note(self.source.line_number(), "not a receiver clock offset, skipped");
         }
         self.write_epoch_line(clock.unwrap_or_default(), first);
+        if self.expand_satellites(first, damage)? {
+            self.know_next_epoch(damage)?;
+        }
+        Ok(true)
+    }
+
+    /// Expands the line of every satellite; `false` if there are not as many.
+    fn expand_satellites(&mut self, first: u64, damage: &mut DamageLog) -> Result<bool, ReadError> {
         for index in 0..self.names.len() {
             if !self.source.advance()? {
                 // A file that was cut ends in a line; here one may be missing before.
                 self.block.clear();
                 damage.note(first, "the file ends inside an epoch, dropped");
-                return Ok(true);
+                return Ok(false);
             }
             if !self.source.line_is_whole() {
                 damage.note(self.source.line_number(), "the line is cut, skipped");
-                return Ok(true);
+                return Ok(false);
             }
             if self.is_full_epoch_line() {
                 self.source.hold_line();
                 self.block.clear();
                 self.lost_behind = true;
                 damage.note(first, "the epoch has fewer lines than satellites, dropped");
-                return Ok(true);
+                return Ok(false);
             }
             self.expand_satellite(self.names[index], damage);
         }
-        // An epoch line that is not in full begins with a blank, for the mark that stays the same.
-        let ends_with_satellite = !matches!(self.source.line().first(), None | Some(b' '));
-        self.know_next_epoch(ends_with_satellite, damage)?;
         Ok(true)
     }
 
     /// Looks whether the next epoch begins behind this one. If not, and the lines may have belonged
     /// to other satellites, this epoch is dropped too.
-    fn know_next_epoch(
-        &mut self,
-        ends_with_satellite: bool,
-        damage: &mut DamageLog,
-    ) -> Result<(), ReadError> {
+    fn know_next_epoch(&mut self, damage: &mut DamageLog) -> Result<(), ReadError> {
+        // An epoch line that is not in full begins with a blank, for the mark that stays the same.
+        let ends_with_satellite = !matches!(self.source.line().first(), None | Some(b' '));
         if !self.source.advance()? {
             return Ok(());
         }

@@ -31,6 +31,8 @@ pub(super) struct EpochReader {
     pub(super) header: ObservationHeader,
     pub(super) damage: DamageLog,
     pub(super) slips: PendingSlips,
+    /// Fields with a number so far.
+    pub(super) field_count: u64,
     /// One for each system, in the order of [`System::ALL`].
     columns: [Columns; System::ALL.len()],
     satellites: Vec<Option<Satellite>>,
@@ -44,6 +46,7 @@ impl EpochReader {
             header,
             damage: DamageLog::default(),
             slips: PendingSlips::default(),
+            field_count: 0,
             columns: Default::default(),
             satellites: Vec::new(),
         };
@@ -199,7 +202,7 @@ impl EpochReader {
                 self.lines.hold_line();
                 break;
             }
-            if columns(line, 60..67) == b"COMMENT" || line.is_empty() {
+            if columns(line, 60..67) == b"COMMENT" || line.trim_ascii().is_empty() {
                 continue;
             }
             if found == count {
@@ -232,7 +235,8 @@ impl EpochReader {
             let observations = &mut epoch.observations[base..];
             let fields = line.get(3..).unwrap_or_default();
             let (slips, damage) = (&mut self.slips, &mut self.damage);
-            read_fields(&layout.columns, fields, observations, number, slips, damage);
+            self.field_count +=
+                read_fields(&layout.columns, fields, observations, number, slips, damage);
             drop_empty(&mut epoch.observations, base);
         }
         if found != count {
@@ -316,7 +320,7 @@ impl EpochReader {
                 }
                 let observations = &mut epoch.observations[base..];
                 let (slips, damage) = (&mut self.slips, &mut self.damage);
-                read_fields(fields, line, observations, number, slips, damage);
+                self.field_count += read_fields(fields, line, observations, number, slips, damage);
             }
             self.apply_wavelength_factors(&mut epoch.observations[base..]);
             drop_empty(&mut epoch.observations, base);

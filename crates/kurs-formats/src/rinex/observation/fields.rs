@@ -11,7 +11,8 @@ use crate::rinex::fields::{Value, f14_3};
 /// Width of an observation: F14.3, loss-of-lock digit, strength digit.
 pub(super) const FIELD: usize = 16;
 
-/// Reads the columns of one line into the observations of one satellite, one for each signal.
+/// Reads the columns of one line into the observations of one satellite, one for each signal, and
+/// counts the fields with a number, zero included.
 ///
 /// A field that is damaged counts as missing; with a phase its loss-of-lock digit is lost too, so
 /// the next phase is marked as slipped.
@@ -22,7 +23,8 @@ pub(super) fn read_fields(
     line_number: u64,
     slips: &mut PendingSlips,
     damage: &mut DamageLog,
-) {
+) -> u64 {
+    let mut filled = 0;
     for (index, column) in columns.iter().enumerate() {
         let start = index * FIELD;
         if start >= line.len() {
@@ -33,7 +35,7 @@ pub(super) fn read_fields(
         }
         let Some(o) = observations.get_mut(column.signal) else { continue };
         let field = &line[start..line.len().min(start + FIELD)];
-        let Ok((number, indicator)) = read_field(field, column.factor) else {
+        let Ok((value, indicator)) = read_field(field, column.factor) else {
             if column.quantity == Quantity::Phase {
                 slips.mark(o.satellite, o.signal);
             }
@@ -43,6 +45,8 @@ pub(super) fn read_fields(
             });
             continue;
         };
+        filled += u64::from(value != Value::Blank);
+        let number = value.number();
         // Where two columns mean the same (C1 and C2 of BeiDou in RINEX 2) the first one counts.
         match column.quantity {
             Quantity::Pseudorange => o.pseudorange_m = o.pseudorange_m.or(number),
@@ -55,13 +59,14 @@ pub(super) fn read_fields(
             Quantity::Phase | Quantity::Other => {}
         }
     }
+    filled
 }
 
 /// The field is not an observation.
 struct Damaged;
 
-/// Number, if there is one, and loss-of-lock digit of a field.
-fn read_field(field: &[u8], factor: f64) -> Result<(Option<f64>, u8), Damaged> {
+/// Number and loss-of-lock digit of a field.
+fn read_field(field: &[u8], factor: f64) -> Result<(Value, u8), Damaged> {
     let digit = |at: usize| match field.get(at) {
         None | Some(b' ') => Ok(0),
         Some(digit @ b'0'..=b'9') => Ok(digit - b'0'),
@@ -69,9 +74,8 @@ fn read_field(field: &[u8], factor: f64) -> Result<(Option<f64>, u8), Damaged> {
     };
     let (indicator, _strength) = (digit(14)?, digit(15)?);
     match f14_3(&field[..field.len().min(14)], factor) {
-        Value::Number(number) => Ok((Some(number), indicator)),
-        Value::Missing => Ok((None, indicator)),
         Value::Damaged => Err(Damaged),
+        value => Ok((value, indicator)),
     }
 }
 
@@ -79,8 +83,8 @@ fn read_field(field: &[u8], factor: f64) -> Result<(Option<f64>, u8), Damaged> {
 pub(super) fn is_observations(line: &[u8]) -> bool {
     let mut numbers = 0;
     for field in line.trim_ascii_end().chunks(FIELD) {
-        let Ok((number, _)) = read_field(field, 1.0) else { return false };
-        numbers += usize::from(number.is_some());
+        let Ok((value, _)) = read_field(field, 1.0) else { return false };
+        numbers += usize::from(value.number().is_some());
     }
     numbers > 0
 }

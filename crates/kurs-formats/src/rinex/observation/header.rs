@@ -220,8 +220,10 @@ pub(super) struct HeaderRecords {
     biases_begun: bool,
 }
 
-/// Declared number of columns that the header of a sane file stays below.
+/// Columns of a system that are kept; the header of a sane file stays far below.
 const CODES_MAX: usize = 200;
+/// Scale factors and phase shifts that are kept, events without end notwithstanding.
+const RECORDS_MAX: usize = 1000;
 
 impl HeaderRecords {
     /// Reads one record; unknown labels and comments are passed over.
@@ -337,12 +339,17 @@ impl HeaderRecords {
             if !matches!(factor, 1 | 10 | 100 | 1000) {
                 return None;
             }
+            if header.scale_factors.len() == RECORDS_MAX {
+                return None;
+            }
             self.scale_of = Some(header.scale_factors.len());
             let factor = f64::from(factor);
             header.scale_factors.push(ScaleFactor { system, factor, codes: Vec::new() });
         }
         let scale = header.scale_factors.get_mut(self.scale_of?)?;
-        scale.codes.extend(codes(line, 11, 12));
+        if scale.codes.len() < CODES_MAX {
+            scale.codes.extend(codes(line, 11, 12));
+        }
         Some(())
     }
 
@@ -358,6 +365,9 @@ impl HeaderRecords {
             };
             let signal = Signal::new(system, digit - b'0', attribute);
             let correction_cycles = decimal(columns(line, 6..14));
+            if header.phase_shifts.len() == RECORDS_MAX {
+                return None;
+            }
             self.shift_of = Some(header.phase_shifts.len());
             let shift = PhaseShift { signal, correction_cycles, satellites: Vec::new() };
             header.phase_shifts.push(shift);
@@ -366,9 +376,9 @@ impl HeaderRecords {
             return columns(line, 0..60).trim_ascii().is_empty().then_some(());
         };
         let shift = header.phase_shifts.get_mut(index)?;
-        for place in 0..10 {
-            let name = columns(line, 19 + 4 * place..22 + 4 * place);
-            shift.satellites.extend(satellite(name));
+        if shift.satellites.len() < RECORDS_MAX {
+            let names = (0..10).map(|place| columns(line, 19 + 4 * place..22 + 4 * place));
+            shift.satellites.extend(names.filter_map(satellite));
         }
         Some(())
     }
@@ -377,6 +387,9 @@ impl HeaderRecords {
     fn biases(&mut self, header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
         if !core::mem::replace(&mut self.biases_begun, true) {
             header.glonass_biases_m.clear();
+        }
+        if header.glonass_biases_m.len() >= RECORDS_MAX {
+            return None;
         }
         for place in 0..4 {
             let at = 13 * place;

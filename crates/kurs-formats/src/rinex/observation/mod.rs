@@ -117,6 +117,13 @@ impl ObservationReader {
         self.epochs.damage.total()
     }
 
+    /// Fields of signals that were not blank so far: observations as the file counts them, zeros
+    /// (which mean a missing observation) and skipped epochs included.
+    #[must_use]
+    pub const fn field_count(&self) -> u64 {
+        self.epochs.field_count
+    }
+
     /// Name of the file.
     #[must_use]
     pub fn name(&self) -> &str {
