@@ -91,3 +91,25 @@ fn observation_files_cut_at_every_byte() {
         }
     }
 }
+
+#[test]
+fn navigation_files() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(4);
+    for seed in seeds("navigation", "orbits") {
+        checks::navigation_file(&seed);
+        for _ in 0..300 {
+            checks::navigation_file(&mutate(&mut random, &seed));
+        }
+    }
+}
+
+#[test]
+fn antenna_files() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
+    for seed in seeds("antenna", "none") {
+        checks::antenna_file(&seed);
+        for _ in 0..2000 {
+            checks::antenna_file(&mutate(&mut random, &seed));
+        }
+    }
+}

@@ -72,7 +72,8 @@ impl GpsTime {
     #[must_use]
     pub fn from_week_tow(week: i32, tow_s: f64) -> Option<Self> {
         let inside = week >= 0 && (0.0..WEEK_S).contains(&tow_s);
-        inside.then(|| Self { nanoseconds: i64::from(week) * NS_PER_WEEK + nanoseconds(tow_s) })
+        let start = i64::from(week).checked_mul(NS_PER_WEEK).filter(|_| inside)?;
+        Some(Self { nanoseconds: start.checked_add(nanoseconds(tow_s))? })
     }
 
     /// From a BeiDou week and seconds of week (BDT).
@@ -82,7 +83,7 @@ impl GpsTime {
     }
 
     /// From a date and time of day on the GPS scale; `None` if a field is out of its range or the
-    /// date is before 1980-01-06.
+    /// date is before 1980-01-06 or after 2271.
     #[must_use]
     pub fn from_calendar(date: Calendar) -> Option<Self> {
         let Calendar { year, month, day, hour, minute, second } = date;
@@ -97,7 +98,8 @@ impl GpsTime {
         }
         let days = days_from_civil(year, month, day) - GPS_EPOCH_DAY;
         let seconds = i64::from(hour) * 3600 + i64::from(minute) * 60;
-        let nanoseconds = days * NS_PER_DAY + seconds * NS_PER_S + nanoseconds(second);
+        let of_day = seconds * NS_PER_S + nanoseconds(second);
+        let nanoseconds = days.checked_mul(NS_PER_DAY)?.checked_add(of_day)?;
         (nanoseconds >= 0).then_some(Self { nanoseconds })
     }
 
@@ -310,6 +312,7 @@ mod tests {
         assert_eq!(saturday + 1.0, sunday);
         assert_eq!(GpsTime::from_week_tow(2300, 604_800.0), None);
         assert_eq!(GpsTime::from_week_tow(2300, f64::NAN), None);
+        assert_eq!(GpsTime::from_week_tow(i32::MAX, 0.0), None);
     }
 
     #[test]
@@ -336,6 +339,7 @@ mod tests {
     fn known_week() {
         let time = GpsTime::from_calendar(date(2024, 6, 24, 8, 20, 0.0)).unwrap();
         assert_eq!((time.week(), time.tow_s()), (2320, 86_400.0 + 8.0 * 3600.0 + 1200.0));
+        assert_eq!(GpsTime::from_calendar(date(9999, 1, 1, 0, 0, 0.0)), None);
     }
 
     #[test]

@@ -5,8 +5,11 @@
 use std::collections::BTreeSet;
 use std::io::Cursor;
 
+use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs_formats::observations::ObservationSource;
+use kurs_formats::source::Source;
+use kurs_formats::{antex, navigation};
 
 /// Reads any bytes as an observation file; panics if what comes out makes no sense.
 pub fn observation_file(bytes: &[u8]) {
@@ -43,5 +46,37 @@ fn check_epoch(epoch: &AntennaEpoch) {
         let sane = |number: &f64| number.is_finite() && *number != 0.0 && number.abs() < 1e10;
         assert!(numbers.iter().flatten().all(sane), "{o:?}");
         assert!(o.lock.0 <= 11, "{o:?}");
+    }
+}
+
+/// Reads any bytes as navigation data; panics if a record cannot be evaluated.
+pub fn navigation_file(bytes: &[u8]) {
+    let Ok(mut source) = Source::new(Cursor::new(bytes.to_vec()), "any") else { return };
+    let mut data = NavigationData::default();
+    let Ok(summary) = navigation::read(&mut source, &mut data) else { return };
+    let records: usize = summary.records.values().sum();
+    assert!(data.ephemerides.len() <= records, "more records than were counted");
+    for record in data.ephemerides.iter() {
+        let time = record.reference_time() + 1234.5;
+        let state = record.state(time).expect("near the reference time");
+        assert!(state.position_m.is_finite() && state.velocity_mps.is_finite(), "{record:?}");
+        assert!(state.clock_s.abs() < 2.0 && state.sigma_m >= 0.0, "{record:?}");
+    }
+    for (satellite, nodes) in data.ephemerides.precise().iter() {
+        assert!(nodes.windows(2).all(|pair| pair[0].time < pair[1].time), "{satellite}");
+        if let Some(state) = data.ephemerides.precise().state(satellite, nodes[0].time + 1.0) {
+            assert!(state.position_m.is_finite() && state.clock_s.is_finite(), "{satellite}");
+        }
+    }
+}
+
+/// Reads any bytes as antenna calibrations.
+pub fn antenna_file(bytes: &[u8]) {
+    let Ok(mut source) = Source::new(Cursor::new(bytes.to_vec()), "any") else { return };
+    let Ok((antennas, _)) = antex::read(&mut source) else { return };
+    let Some(antenna) = antennas.find("TESTANT_A") else { return };
+    for band in antenna.bands() {
+        let correction_m = antenna.correction_m(band, 1.0, 0.5).expect("a calibrated band");
+        assert!(correction_m.abs() < 40.0, "{correction_m} m");
     }
 }
