@@ -8,6 +8,8 @@ mod config_file;
 mod failure;
 mod orient;
 mod output;
+mod page;
+mod plan;
 mod progress;
 mod simulate;
 mod solve;
@@ -32,6 +34,7 @@ enum Command {
     Solve(Box<solve::Args>),
     Simulate(simulate::Args),
     Orient(orient::Args),
+    Plan(Box<plan::Args>),
 }
 
 fn main() -> ExitCode {
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
         Command::Solve(args) => solve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Orient(args) => orient::run(&args),
+        Command::Plan(args) => plan::run(&args),
     };
     failure::exit_code(result)
 }

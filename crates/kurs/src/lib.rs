@@ -47,6 +47,8 @@ pub mod engine;
 // Beside the chain.
 pub mod orientation;
 
+pub mod prediction;
+
 pub mod fusion;
 
 pub mod trajectory;

@@ -52,12 +52,13 @@ pub(crate) fn draw(
     antennas: usize,
     law: Law,
     random: &mut Xoshiro256PlusPlus,
-) -> (Vec<Vector3<f64>>, Baselines) {
+) -> (AntennaArray, Baselines) {
     loop {
-        let positions: Vec<Vector3<f64>> = (0..antennas).map(|_| law.position(random)).collect();
-        let array = AntennaArray::new(positions.iter().copied().map(Vector::from_xyz).collect());
-        if let Some(baselines) = array.ok().and_then(|array| Baselines::of(&array).ok()) {
-            return (positions, baselines);
+        let positions = (0..antennas).map(|_| Vector::from_xyz(law.position(random))).collect();
+        if let Ok(array) = AntennaArray::new(positions)
+            && let Ok(baselines) = Baselines::of(&array)
+        {
+            return (array, baselines);
         }
     }
 }

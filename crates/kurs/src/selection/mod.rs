@@ -10,6 +10,7 @@
 //!   gap to a bound is reported.
 //! * [`published`] holds the method as published: relaxation, bisection and rounding.
 
+mod attitude_error;
 mod cone_program;
 mod criterion;
 mod enumerate;
@@ -24,6 +25,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::array::AntennaArray;
 
+pub use attitude_error::error_relative_to_all_antennas;
 pub use criterion::Criterion;
 pub use enumerate::{best_by_enumeration, for_each_graph};
 pub use gram::Gram;

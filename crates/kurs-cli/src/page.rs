@@ -1,0 +1,98 @@
+//! A self-contained HTML page: headings, text, tables and plots; the plotting script is inside, so that
+//! the page needs no network.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use plotly::Plot;
+
+use crate::output::OutputFile;
+
+const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
+    table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}";
+
+/// A page in the making.
+#[derive(Debug)]
+pub(crate) struct Page {
+    title: String,
+    body: String,
+    plots: usize,
+}
+
+impl Page {
+    /// A page with this title as its first heading.
+    pub(crate) fn new(title: &str) -> Self {
+        let mut page = Self { title: escape(title), body: String::new(), plots: 0 };
+        let _ = writeln!(page.body, "<h1>{}</h1>", page.title);
+        page
+    }
+
+    /// A heading.
+    pub(crate) fn heading(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<h2>{}</h2>", escape(text));
+    }
+
+    /// A paragraph of plain text.
+    pub(crate) fn paragraph(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+    }
+
+    /// A table of plain text.
+    pub(crate) fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
+        let cells = |tag: &str, texts: Vec<String>| -> String {
+            texts.iter().map(|text| format!("<{tag}>{}</{tag}>", escape(text))).collect()
+        };
+        let header = header.iter().map(|text| (*text).to_owned()).collect();
+        let _ = writeln!(self.body, "<table><tr>{}</tr>", cells("th", header));
+        for row in rows {
+            let _ = writeln!(self.body, "<tr>{}</tr>", cells("td", row.clone()));
+        }
+        self.body.push_str("</table>\n");
+    }
+
+    /// A plot.
+    pub(crate) fn plot(&mut self, plot: &Plot) {
+        self.plots += 1;
+        let name = format!("plot-{}", self.plots);
+        self.body.push_str(&plot.to_inline_html(Some(&name)));
+        self.body.push('\n');
+    }
+
+    /// Writes the page as `directory/name`.
+    pub(crate) fn write(&self, directory: &Path, name: &str) -> anyhow::Result<()> {
+        let mut file = OutputFile::create(directory, name)?;
+        write!(
+            file,
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\
+             <style>{STYLE}</style>{}</head><body>\n{}</body></html>\n",
+            self.title,
+            if self.plots > 0 { Plot::offline_js_sources() } else { String::new() },
+            self.body
+        )?;
+        file.finish()
+    }
+}
+
+/// Text that cannot be taken for markup.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_be_markup_and_nothing_is_fetched() {
+        let mut page = Page::new("<script>alert(1)</script>");
+        page.table(&["a & b"], &[vec!["<b>".to_owned()]]);
+        page.plot(&Plot::new());
+        let folder = tempfile::tempdir().unwrap();
+        page.write(folder.path(), "page.html").unwrap();
+        let text = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+        assert!(text.contains("<h1>&lt;script&gt;alert(1)&lt;/script&gt;</h1>"));
+        assert!(text.contains("<th>a &amp; b</th>") && text.contains("<td>&lt;b&gt;</td>"));
+        assert!(!text.contains("src=\"http"), "no script from the network");
+    }
+}

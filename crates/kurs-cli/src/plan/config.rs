@@ -1,0 +1,199 @@
+//! The array file of `kurs plan`: antennas, and what is planned for.
+
+use anyhow::anyhow;
+use kurs::array::AntennaArray;
+use kurs::frames::{Geodetic, Vector};
+use kurs::selection::{Baselines, Criterion, Graph};
+use kurs::signal::Band;
+use serde::Deserialize;
+
+use crate::failure::UsageError;
+
+/// The file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ArrayFile {
+    antenna: Vec<AntennaEntry>,
+    #[serde(default)]
+    pub(super) plan: Settings,
+    #[serde(default)]
+    pub(super) mask: Vec<BodyMask>,
+    #[serde(default)]
+    baseline: Vec<BaselineEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AntennaEntry {
+    name: String,
+    position_m: [f64; 3],
+}
+
+/// A baseline that is better or worse than the others.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BaselineEntry {
+    between: [String; 2],
+    weight: f64,
+}
+
+/// Part of the sky that the body hides, seen from above the level body.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BodyMask {
+    /// From this azimuth, clockwise from the nose, …
+    pub(super) from_deg: f64,
+    /// … to this one.
+    pub(super) to_deg: f64,
+    /// Hidden below this elevation.
+    pub(super) elevation_deg: f64,
+}
+
+/// `[plan]`; every key has a default.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Settings {
+    pub(super) latitude_deg: f64,
+    pub(super) longitude_deg: f64,
+    pub(super) height_m: f64,
+    pub(super) heading_deg: f64,
+    pub(super) elevation_mask_deg: f64,
+    /// Standard deviations of one antenna at the zenith.
+    pub(super) code_sd_m: f64,
+    pub(super) phase_sd_m: f64,
+    /// 1-sigma of the surveyed antenna distances.
+    pub(super) length_sd_m: f64,
+    bands: Vec<String>,
+    criterion: CriterionName,
+    graph: GraphName,
+    pub(super) step_s: f64,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum CriterionName {
+    BaselineCondition,
+    InformationCondition,
+    SmallestInformation,
+    TraceOfCovariance,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum GraphName {
+    SpanningTree,
+    General,
+    AllPairs,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            latitude_deg: 50.0,
+            longitude_deg: 10.0,
+            height_m: 0.0,
+            heading_deg: 0.0,
+            elevation_mask_deg: 10.0,
+            code_sd_m: 0.3,
+            phase_sd_m: 0.003,
+            length_sd_m: 0.002,
+            bands: vec!["G1".to_owned(), "E1".to_owned()],
+            criterion: CriterionName::TraceOfCovariance,
+            graph: GraphName::SpanningTree,
+            step_s: 300.0,
+        }
+    }
+}
+
+impl Settings {
+    pub(super) fn criterion(&self) -> Criterion {
+        match self.criterion {
+            CriterionName::BaselineCondition => Criterion::BaselineCondition,
+            CriterionName::InformationCondition => Criterion::InformationCondition,
+            CriterionName::SmallestInformation => Criterion::SmallestInformation,
+            CriterionName::TraceOfCovariance => Criterion::TraceOfCovariance,
+        }
+    }
+
+    pub(super) fn graph(&self) -> Graph {
+        match self.graph {
+            GraphName::SpanningTree => Graph::SpanningTree,
+            GraphName::General => Graph::General,
+            GraphName::AllPairs => Graph::AllPairs,
+        }
+    }
+
+    pub(super) fn place(&self) -> Geodetic {
+        Geodetic::from_degrees(self.latitude_deg, self.longitude_deg, self.height_m)
+    }
+
+    pub(super) fn bands(&self) -> anyhow::Result<Vec<Band>> {
+        let band = |text: &String| {
+            text.parse().map_err(|error| anyhow!(UsageError(format!("plan.bands: {error}"))))
+        };
+        self.bands.iter().map(band).collect()
+    }
+
+    /// Refuses numbers that no sky or antenna has.
+    pub(super) fn check(&self) -> Result<(), UsageError> {
+        let ranges = [
+            ("latitude_deg", self.latitude_deg, -90.0, 90.0),
+            ("longitude_deg", self.longitude_deg, -360.0, 360.0),
+            ("height_m", self.height_m, -1e4, 1e6),
+            ("heading_deg", self.heading_deg, -360.0, 360.0),
+            ("elevation_mask_deg", self.elevation_mask_deg, 0.0, 89.0),
+            ("code_sd_m", self.code_sd_m, 1e-3, 1e3),
+            ("phase_sd_m", self.phase_sd_m, 1e-6, 1.0),
+            ("length_sd_m", self.length_sd_m, 1e-6, 1.0),
+            ("step_s", self.step_s, 1.0, 86_400.0),
+        ];
+        for (key, found, least, most) in ranges {
+            if !(least..=most).contains(&found) {
+                let message = format!("plan.{key} is {found}, expected {least} to {most}");
+                return Err(UsageError(message));
+            }
+        }
+        if self.bands.is_empty() {
+            return Err(UsageError("plan.bands is empty".to_owned()));
+        }
+        Ok(())
+    }
+}
+
+impl ArrayFile {
+    pub(super) fn names(&self) -> Vec<&str> {
+        self.antenna.iter().map(|antenna| antenna.name.as_str()).collect()
+    }
+
+    pub(super) fn array(&self) -> Result<AntennaArray, UsageError> {
+        let position = |antenna: &AntennaEntry| {
+            let [x, y, z] = antenna.position_m;
+            Vector::new(x, y, z)
+        };
+        AntennaArray::new(self.antenna.iter().map(position).collect())
+            .map_err(|error| UsageError(format!("[[antenna]]: {error}")))
+    }
+
+    /// All baselines with their weights.
+    pub(super) fn baselines(&self, array: &AntennaArray) -> Result<Baselines, UsageError> {
+        let usage = |message: String| UsageError(format!("[[baseline]]: {message}"));
+        let names = self.names();
+        let mut weights = vec![1.0; array.len() * (array.len() - 1) / 2];
+        let free = Baselines::of(array).map_err(|error| UsageError(error.to_string()))?;
+        for entry in &self.baseline {
+            let index = |name: &String| {
+                names
+                    .iter()
+                    .position(|known| known == name)
+                    .ok_or_else(|| usage(format!("no antenna has the name `{name}`")))
+            };
+            let (a, b) = (index(&entry.between[0])?, index(&entry.between[1])?);
+            let pair = (a.min(b), a.max(b));
+            match free.pairs().iter().position(|other| *other == pair) {
+                Some(k) => weights[k] = entry.weight,
+                None => return Err(usage(format!("`{}` is named twice", names[a]))),
+            }
+        }
+        Baselines::weighted(array, &weights).map_err(|error| usage(error.to_string()))
+    }
+}

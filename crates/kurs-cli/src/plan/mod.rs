@@ -1,0 +1,227 @@
+//! `kurs plan`: how accurate an array will be, where it is weak, and which baselines to process.
+
+mod config;
+mod improvement;
+mod report;
+mod sky;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::bail;
+use kurs::array::AntennaArray;
+use kurs::frames::Attitude;
+use kurs::prediction::{
+    AttitudeAccuracy, Sight, attitude_accuracy, baseline_success_rate,
+    length_constrained_success_rate,
+};
+use kurs::selection::{
+    Baselines, Criterion, Graph, Pair, SelectionError, error_relative_to_all_antennas, select,
+};
+use kurs::time::GpsTime;
+use rand::SeedableRng;
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+use self::config::ArrayFile;
+use self::improvement::Improvement;
+use self::sky::Sky;
+use crate::config_file;
+use crate::failure::UsageError;
+
+/// Simulated epochs for the success rate with known length.
+const LENGTH_DRAWS: u32 = 200;
+/// Epochs over the time span that stand for all of it where every candidate costs a calculation.
+const SAMPLED_EPOCHS: usize = 24;
+/// More epochs than this are refused: a mistyped step.
+const MAX_EPOCHS: f64 = 100_000.0;
+
+/// Predicted accuracy of an antenna array, its weak axis, and the baselines worth processing.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Antennas (`[[antenna]]` with `name` and `position_m`) and what is planned for (`[plan]`)
+    array: PathBuf,
+    /// Navigation file; several may be given; a nominal sky without any
+    #[arg(long)]
+    nav: Vec<PathBuf>,
+    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first ephemeris)
+    #[arg(long, requires = "nav")]
+    at: Option<String>,
+    /// Time span, such as 24h, 90m or 600s
+    #[arg(long = "for", default_value = "24h")]
+    duration: String,
+    /// Folder for plan.json and plan.html
+    #[arg(long, default_value = "kurs-out")]
+    out: PathBuf,
+}
+
+/// One instant of the plan.
+#[derive(Debug)]
+struct Epoch {
+    time: GpsTime,
+    hours: f64,
+    satellites: usize,
+    sights: Vec<Sight>,
+    /// Absent where the satellites do not suffice.
+    accuracy: Option<AttitudeAccuracy>,
+    /// Of one baseline from one epoch, without any constraint.
+    success_rate: Option<f64>,
+}
+
+/// The answer of one criterion.
+#[derive(Debug)]
+struct Choice {
+    criterion: Criterion,
+    answer: Result<Answer, SelectionError>,
+}
+
+#[derive(Debug)]
+struct Answer {
+    pairs: Vec<Pair>,
+    value: f64,
+    gap: f64,
+    milliseconds: f64,
+    /// Attitude error with only these baselines, each as if alone, relative to all antennas.
+    relative_error: f64,
+}
+
+/// Everything that the report shows.
+#[derive(Debug)]
+struct Plan {
+    file: ArrayFile,
+    array: AntennaArray,
+    sky: String,
+    epochs: Vec<Epoch>,
+    /// For each antenna but the first: success rate of its baseline with known length.
+    length_constrained: Vec<Option<f64>>,
+    improvement: Option<Improvement>,
+    choices: Vec<Choice>,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let file: ArrayFile = config_file::read(&args.array)?;
+    file.plan.check()?;
+    let array = file.array()?;
+    let baselines = file.baselines(&array)?;
+    let sky = Sky::read(&args.nav)?;
+    let start = match &args.at {
+        Some(text) => sky::parse_time(text)?,
+        None => sky.start(),
+    };
+    let epochs = predict(&file, &array, &sky, start, sky::parse_duration_s(&args.duration)?)?;
+    if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
+        bail!("no epoch from {start} on has satellites enough for an attitude");
+    }
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let plan = Plan {
+        length_constrained: length_constrained(&file, &array, &epochs, &mut random),
+        improvement: improvement::best(&array, &attitude(&file), &sampled(&epochs)),
+        choices: choose(&array, &baselines, file.plan.graph(), &mut random),
+        sky: sky.description(),
+        file,
+        array,
+        epochs,
+    };
+    report::print(&plan);
+    report::write_json(&plan, &args.out)?;
+    report::write_page(&plan, &args.out)?;
+    println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The level body at the planned heading.
+fn attitude(file: &ArrayFile) -> Attitude {
+    Attitude { heading_rad: file.plan.heading_deg.to_radians(), pitch_rad: 0.0, roll_rad: 0.0 }
+}
+
+/// Accuracy at every step of the time span.
+fn predict(
+    file: &ArrayFile,
+    array: &AntennaArray,
+    sky: &Sky,
+    start: GpsTime,
+    duration_s: f64,
+) -> anyhow::Result<Vec<Epoch>> {
+    let bands = file.plan.bands()?;
+    let steps = (duration_s / file.plan.step_s).floor();
+    if steps > MAX_EPOCHS {
+        bail!(UsageError(format!("{steps} epochs: plan.step_s is too short for this time span")));
+    }
+    let attitude = attitude(file);
+    let mut epochs = Vec::new();
+    let mut after_s = 0.0;
+    while after_s <= duration_s {
+        let time = start + after_s;
+        let (sights, satellites) = sky.sights(time, file, &bands);
+        epochs.push(Epoch {
+            time,
+            hours: after_s / 3600.0,
+            satellites,
+            accuracy: attitude_accuracy(array, &attitude, &sights),
+            success_rate: baseline_success_rate(&sights),
+            sights,
+        });
+        after_s += file.plan.step_s;
+    }
+    Ok(epochs)
+}
+
+/// Signals of some epochs, spread evenly over those with an accuracy.
+fn sampled(epochs: &[Epoch]) -> Vec<&[Sight]> {
+    let usable: Vec<&Epoch> = epochs.iter().filter(|epoch| epoch.accuracy.is_some()).collect();
+    let stride = usable.len().div_ceil(SAMPLED_EPOCHS).max(1);
+    usable.iter().step_by(stride).map(|epoch| epoch.sights.as_slice()).collect()
+}
+
+/// Success rate with known length of each baseline from the first antenna, at the epoch whose
+/// unconstrained rate is the median.
+fn length_constrained(
+    file: &ArrayFile,
+    array: &AntennaArray,
+    epochs: &[Epoch],
+    random: &mut Xoshiro256PlusPlus,
+) -> Vec<Option<f64>> {
+    let mut by_rate: Vec<&Epoch> =
+        epochs.iter().filter(|epoch| epoch.success_rate.is_some()).collect();
+    by_rate.sort_by(|a, b| {
+        a.success_rate.partial_cmp(&b.success_rate).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    let Some(median) = by_rate.get(by_rate.len() / 2) else {
+        return vec![None; array.len() - 1];
+    };
+    let ned_from_body = attitude(file).ned_from_body();
+    (1..array.len())
+        .map(|rover| {
+            let baseline_m = ned_from_body * array.baseline_m(rover);
+            let length_sd_m = file.plan.length_sd_m;
+            length_constrained_success_rate(
+                &median.sights,
+                &baseline_m,
+                length_sd_m,
+                LENGTH_DRAWS,
+                random,
+            )
+        })
+        .collect()
+}
+
+/// The best baselines by every criterion.
+fn choose(
+    array: &AntennaArray,
+    baselines: &Baselines,
+    graph: Graph,
+    random: &mut Xoshiro256PlusPlus,
+) -> Vec<Choice> {
+    let mut choice = |criterion| {
+        let begun = Instant::now();
+        let answer = select(baselines, graph, criterion, random).map(|selection| Answer {
+            value: selection.value,
+            gap: selection.gap(),
+            milliseconds: begun.elapsed().as_secs_f64() * 1e3,
+            relative_error: error_relative_to_all_antennas(array, &selection.pairs),
+            pairs: selection.pairs,
+        });
+        Choice { criterion, answer }
+    };
+    Criterion::ALL.into_iter().map(&mut choice).collect()
+}

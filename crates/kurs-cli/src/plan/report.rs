@@ -1,0 +1,359 @@
+//! The plan as tables on the terminal, as JSON, and as a page.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use comfy_table::{Table, presets};
+use kurs::selection::{Criterion, Graph, Pair};
+use nalgebra::Vector3;
+use plotly::common::{Mode, Title};
+use plotly::layout::{Axis, Layout};
+use plotly::{Plot, Scatter};
+use serde_json::{Value, json};
+
+use super::improvement::{MARGIN_M, MOVE_M};
+use super::{Answer, Epoch, LENGTH_DRAWS, Plan};
+use crate::output::OutputFile;
+use crate::page::Page;
+
+/// What the report says about the choice of baselines, whatever the numbers.
+const WHEN_THE_CHOICE_MATTERS: &str = "With the full covariance of the baselines, as `kurs solve` \
+    uses it, the choice does not matter: every spanning tree carries the same information as all \
+    antennas. It matters when baselines are processed one by one and weighted as if they were \
+    independent, or when only some can be processed: the column `error` says what the attitude then \
+    loses against all antennas.";
+
+/// Rows of text under a header.
+type Rows = Vec<Vec<String>>;
+
+/// Prints the plan.
+pub(super) fn print(plan: &Plan) {
+    println!("{}\n", summary(plan));
+    for (title, header, rows) in tables(plan) {
+        println!("{title}");
+        let mut table = Table::new();
+        table.load_preset(presets::UTF8_FULL_CONDENSED).set_header(header);
+        table.add_rows(rows);
+        println!("{table}\n");
+    }
+    for remark in remarks(plan) {
+        println!("{remark}");
+    }
+}
+
+/// Writes `plan.html`.
+pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
+    let mut page = Page::new("Antenna array: what to expect");
+    page.paragraph(&summary(plan));
+    page.heading("Accuracy over time");
+    page.plot(&accuracy_plot(plan));
+    page.heading("Array, seen from above, with the chosen baselines");
+    page.plot(&array_plot(plan));
+    for (title, header, rows) in tables(plan) {
+        page.heading(title);
+        page.table(&header, &rows);
+    }
+    for remark in remarks(plan) {
+        page.paragraph(&remark);
+    }
+    page.write(directory, "plan.html")
+}
+
+/// Writes `plan.json`.
+pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
+    let names = plan.file.names();
+    let epochs: Vec<Value> = plan.epochs.iter().map(epoch_json).collect();
+    let choices: Vec<Value> = plan
+        .choices
+        .iter()
+        .map(|choice| match &choice.answer {
+            Ok(answer) => json!({
+                "criterion": criterion_name(choice.criterion),
+                "baselines": answer.pairs.iter().map(|(i, j)| [names[*i], names[*j]]).collect::<Vec<_>>(),
+                "value": answer.value,
+                "gap": answer.gap,
+                "time_ms": answer.milliseconds,
+                "error_relative_to_all_antennas": finite(answer.relative_error),
+            }),
+            Err(error) => json!({
+                "criterion": criterion_name(choice.criterion),
+                "refused": error.to_string(),
+            }),
+        })
+        .collect();
+    let improvement = plan.improvement.as_ref().map(|improvement| {
+        json!({
+            "weakest_axis_body": improvement.weakest_axis.as_slice(),
+            "weakest_sd_deg": improvement.weakest_sd_rad.to_degrees(),
+            "total_deg": improvement.total_rad.to_degrees(),
+            "moved": improvement.moved.map(|(antenna, place, total_rad)| json!({
+                "antenna": names[antenna],
+                "position_m": place.as_slice(),
+                "total_deg": total_rad.to_degrees(),
+            })),
+            "added": improvement.added.map(|(place, total_rad)| json!({
+                "position_m": place.as_slice(),
+                "total_deg": total_rad.to_degrees(),
+            })),
+        })
+    });
+    let length_constrained: Vec<Value> = plan
+        .length_constrained
+        .iter()
+        .zip(&names[1..])
+        .map(|(rate, rover)| json!({"base": names[0], "rover": rover, "success_rate": rate}))
+        .collect();
+    let document = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "sky": plan.sky,
+        "antennas": names,
+        "epochs": epochs,
+        "length_constrained": length_constrained,
+        "improvement": improvement,
+        "graph": graph_name(plan.file.plan.graph()),
+        "choices": choices,
+    });
+    let mut file = OutputFile::create(directory, "plan.json")?;
+    writeln!(file, "{document:#}")?;
+    file.finish()
+}
+
+fn epoch_json(epoch: &Epoch) -> Value {
+    let accuracy = epoch.accuracy.as_ref();
+    json!({
+        "time_gpst": epoch.time.to_string(),
+        "satellites": epoch.satellites,
+        "heading_sd_deg": accuracy.map(|a| a.heading_sd_rad.to_degrees()),
+        "pitch_sd_deg": accuracy.map(|a| a.pitch_sd_rad.to_degrees()),
+        "roll_sd_deg": accuracy.and_then(|a| a.roll_sd_rad).map(f64::to_degrees),
+        "success_rate": epoch.success_rate,
+    })
+}
+
+fn summary(plan: &Plan) -> String {
+    let settings = &plan.file.plan;
+    let covered = plan.epochs.iter().filter(|epoch| epoch.accuracy.is_some()).count();
+    format!(
+        "{} antennas at {:.3}° {:.3}°, heading {}°; {}; mask {}°; one antenna's noise at the zenith: code \
+         {} m, phase {} m; {} of {} epochs from {} have satellites enough.",
+        plan.array.len(),
+        settings.latitude_deg,
+        settings.longitude_deg,
+        settings.heading_deg,
+        plan.sky,
+        settings.elevation_mask_deg,
+        settings.code_sd_m,
+        settings.phase_sd_m,
+        covered,
+        plan.epochs.len(),
+        plan.epochs.first().map_or_else(String::new, |epoch| epoch.time.to_string()),
+    )
+}
+
+/// Title, header and rows of every table.
+fn tables(plan: &Plan) -> Vec<(&'static str, Vec<&'static str>, Rows)> {
+    let mut tables = vec![
+        (
+            "Standard deviations with fixed integers, all antennas and their full covariance",
+            vec!["", "median", "best", "worst"],
+            accuracy_rows(plan),
+        ),
+        (
+            "Success rate of the integers from one epoch",
+            vec!["", "median", "best", "worst"],
+            success_rows(plan),
+        ),
+    ];
+    if plan.improvement.is_some() {
+        let header = vec!["", "where (forward, right, down), m", "total RMS", "change"];
+        tables.push(("What one antenna changes", header, improvement_rows(plan)));
+    }
+    let header = vec!["criterion", "value", "gap", "time", "error", "baselines"];
+    tables.push(("Baselines to process", header, choice_rows(plan)));
+    tables
+}
+
+fn accuracy_rows(plan: &Plan) -> Rows {
+    let accuracies = || plan.epochs.iter().filter_map(|epoch| epoch.accuracy.as_ref());
+    let mut rows = vec![
+        spread("heading", accuracies().map(|a| a.heading_sd_rad).collect(), degrees),
+        spread("pitch", accuracies().map(|a| a.pitch_sd_rad).collect(), degrees),
+    ];
+    let rolls: Vec<f64> = accuracies().filter_map(|a| a.roll_sd_rad).collect();
+    if !rolls.is_empty() {
+        rows.push(spread("roll", rolls, degrees));
+    }
+    let satellites = plan.epochs.iter().map(|epoch| epoch.satellites as f64).collect();
+    let mut row = spread("satellites", satellites, |count| format!("{count}"));
+    // More satellites are better: the smallest number is the worst.
+    row.swap(2, 3);
+    rows.push(row);
+    rows
+}
+
+fn success_rows(plan: &Plan) -> Rows {
+    let rates = plan.epochs.iter().filter_map(|epoch| epoch.success_rate).collect();
+    let mut unconstrained = spread("one baseline, bootstrapped, no constraint", rates, percent);
+    unconstrained.swap(2, 3);
+    let names = plan.file.names();
+    let constrained = plan.length_constrained.iter().zip(&names[1..]).map(|(rate, rover)| {
+        let rate = rate.map_or_else(|| "search gave up".to_owned(), percent);
+        let name = format!("{}-{rover}, known length ({LENGTH_DRAWS} draws)", names[0]);
+        vec![name, rate, String::new(), String::new()]
+    });
+    std::iter::once(unconstrained).chain(constrained).collect()
+}
+
+fn improvement_rows(plan: &Plan) -> Rows {
+    let Some(improvement) = &plan.improvement else {
+        return Rows::new();
+    };
+    let place = |p: &Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", p.x, p.y, p.z);
+    let change = |total: f64| format!("{:+.0} %", 100.0 * (total / improvement.total_rad - 1.0));
+    let mut rows = vec![vec![
+        "as it is".to_owned(),
+        String::new(),
+        degrees(improvement.total_rad),
+        String::new(),
+    ]];
+    if let Some((antenna, position, total)) = &improvement.moved {
+        let what = format!("move {} by {MOVE_M} m", plan.file.names()[*antenna]);
+        rows.push(vec![what, place(position), degrees(*total), change(*total)]);
+    }
+    if let Some((position, total)) = &improvement.added {
+        let what = format!("one more, {MARGIN_M} m outside");
+        rows.push(vec![what, place(position), degrees(*total), change(*total)]);
+    }
+    rows
+}
+
+fn choice_rows(plan: &Plan) -> Rows {
+    let row = |choice: &super::Choice| {
+        let name = criterion_name(choice.criterion).to_owned();
+        match &choice.answer {
+            Ok(Answer { pairs, value, gap, milliseconds, relative_error }) => vec![
+                name,
+                format!("{value:.4}"),
+                if *gap == 0.0 { "optimal".to_owned() } else { percent(*gap) },
+                format!("{milliseconds:.1} ms"),
+                if relative_error.is_finite() {
+                    format!("× {relative_error:.3}")
+                } else {
+                    "none".to_owned()
+                },
+                pair_names(plan, pairs),
+            ],
+            Err(error) => vec![name, error.to_string()],
+        }
+    };
+    plan.choices.iter().map(row).collect()
+}
+
+fn remarks(plan: &Plan) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if let Some(improvement) = &plan.improvement {
+        let axis = improvement.weakest_axis;
+        let nearest = ["roll", "pitch", "heading"][axis.map(f64::abs).imax()];
+        remarks.push(format!(
+            "Weakest: the rotation about ({:.2}, {:.2}, {:.2}) in body axes, mostly {nearest}: {} RMS.",
+            axis.x, axis.y, axis.z, degrees(improvement.weakest_sd_rad)
+        ));
+    }
+    remarks.push(WHEN_THE_CHOICE_MATTERS.to_owned());
+    remarks.push(
+        "The success rates are those of one epoch; with the whole array as constraint they are higher \
+         and not predicted here."
+            .to_owned(),
+    );
+    remarks
+}
+
+/// Name, median, smallest and largest.
+fn spread(name: &str, mut values: Vec<f64>, write: impl Fn(f64) -> String) -> Vec<String> {
+    values.sort_by(f64::total_cmp);
+    let at = |place: usize| values.get(place).map_or_else(String::new, |value| write(*value));
+    let last = values.len().saturating_sub(1);
+    vec![name.to_owned(), at(values.len() / 2), at(0), at(last)]
+}
+
+fn degrees(angle_rad: f64) -> String {
+    format!("{:.3}°", angle_rad.to_degrees())
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn finite(number: f64) -> Option<f64> {
+    number.is_finite().then_some(number)
+}
+
+fn pair_names(plan: &Plan, pairs: &[Pair]) -> String {
+    let names = plan.file.names();
+    let pairs: Vec<String> =
+        pairs.iter().map(|(i, j)| format!("{}-{}", names[*i], names[*j])).collect();
+    pairs.join(" ")
+}
+
+fn criterion_name(criterion: Criterion) -> &'static str {
+    match criterion {
+        Criterion::BaselineCondition => "baseline_condition",
+        Criterion::InformationCondition => "information_condition",
+        Criterion::SmallestInformation => "smallest_information",
+        Criterion::TraceOfCovariance => "trace_of_covariance",
+    }
+}
+
+fn graph_name(graph: Graph) -> &'static str {
+    match graph {
+        Graph::SpanningTree => "spanning_tree",
+        Graph::General => "general",
+        Graph::AllPairs => "all_pairs",
+    }
+}
+
+/// Standard deviations of the angles over the hours.
+fn accuracy_plot(plan: &Plan) -> Plot {
+    let usable = || plan.epochs.iter().filter_map(|e| Some((e.hours, e.accuracy.as_ref()?)));
+    let hours: Vec<f64> = usable().map(|(hours, _)| hours).collect();
+    let mut plot = Plot::new();
+    let mut line = |name: &str, values: Vec<f64>| {
+        plot.add_trace(Scatter::new(hours.clone(), values).mode(Mode::Lines).name(name));
+    };
+    line("heading", usable().map(|(_, a)| a.heading_sd_rad.to_degrees()).collect());
+    line("pitch", usable().map(|(_, a)| a.pitch_sd_rad.to_degrees()).collect());
+    let rolls: Vec<f64> =
+        usable().filter_map(|(_, a)| a.roll_sd_rad).map(f64::to_degrees).collect();
+    if !rolls.is_empty() {
+        line("roll", rolls);
+    }
+    plot.set_layout(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("hours")))
+            .y_axis(Axis::new().title(Title::with_text("standard deviation, °"))),
+    );
+    plot
+}
+
+/// Antennas with right to the right and forward up, and the baselines of the file's criterion.
+fn array_plot(plan: &Plan) -> Plot {
+    let at = |antenna: usize| plan.array.positions_m()[antenna].xyz();
+    let mut plot = Plot::new();
+    let chosen = plan.choices.iter().find(|c| c.criterion == plan.file.plan.criterion());
+    for (i, j) in chosen.and_then(|c| c.answer.as_ref().ok()).map_or(&[][..], |a| &a.pairs) {
+        let line = Scatter::new(vec![at(*i).y, at(*j).y], vec![at(*i).x, at(*j).x]);
+        plot.add_trace(line.mode(Mode::Lines).show_legend(false));
+    }
+    let (right, forward) =
+        (0..plan.array.len()).map(|a| (at(a).y, at(a).x)).unzip::<_, _, Vec<_>, Vec<_>>();
+    let names = plan.file.names().into_iter().map(str::to_owned).collect();
+    plot.add_trace(
+        Scatter::new(right, forward).mode(Mode::MarkersText).text_array(names).show_legend(false),
+    );
+    plot.set_layout(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("right, m")))
+            .y_axis(Axis::new().title(Title::with_text("forward, m")).scale_anchor("x")),
+    );
+    plot
+}

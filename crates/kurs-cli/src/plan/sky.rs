@@ -1,0 +1,258 @@
+//! The satellites to plan with: from navigation files, or nominal constellations.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use anyhow::{anyhow, bail};
+use kurs::ephemeris::NavigationData;
+use kurs::frames::{Ecef, Ned, Vector};
+use kurs::prediction::Sight;
+use kurs::signal::{Band, Satellite, System};
+use kurs::time::{Calendar, GpsTime};
+use kurs_formats::navigation;
+use kurs_formats::source::Source;
+use kurs_sim::walker::Walker;
+
+use super::config::ArrayFile;
+use crate::failure::UsageError;
+
+/// Where satellites are.
+#[derive(Debug)]
+pub(super) enum Sky {
+    /// Circular orbits as the systems were designed.
+    Nominal,
+    /// Broadcast ephemerides.
+    Broadcast(Box<NavigationData>),
+}
+
+impl Sky {
+    /// Reads the navigation files; without any the nominal sky.
+    pub(super) fn read(files: &[PathBuf]) -> anyhow::Result<Self> {
+        if files.is_empty() {
+            return Ok(Self::Nominal);
+        }
+        let mut data = NavigationData::default();
+        for file in files {
+            navigation::read(&mut Source::open(file)?, &mut data)?;
+        }
+        if data.ephemerides.is_empty() {
+            bail!("the navigation files hold no ephemeris that can be used");
+        }
+        Ok(Self::Broadcast(Box::new(data)))
+    }
+
+    /// What the sky is, for the report.
+    pub(super) fn description(&self) -> String {
+        match self {
+            Self::Nominal => "nominal constellations (Walker 24 satellites per system: GPS six \
+                              planes 55°, Galileo three planes 56°, BeiDou MEO three planes 55°, \
+                              GLONASS three planes 64.8°)"
+                .to_owned(),
+            Self::Broadcast(data) => {
+                format!("{} broadcast ephemerides", data.ephemerides.len())
+            }
+        }
+    }
+
+    /// The instant to begin with if none is given: the first reference time of the files.
+    pub(super) fn start(&self) -> GpsTime {
+        match self {
+            Self::Nominal => GpsTime::default(),
+            Self::Broadcast(data) => {
+                let times = data.ephemerides.iter().map(|ephemeris| ephemeris.reference_time());
+                times.min().unwrap_or_default()
+            }
+        }
+    }
+
+    /// System and ECEF position of every satellite.
+    ///
+    /// The travel time of the signal is left out: it moves a satellite by 300 m, 0.001° here.
+    fn positions(&self, time: GpsTime, systems: &BTreeSet<System>) -> Vec<(System, Vector<Ecef>)> {
+        match self {
+            Self::Nominal => systems
+                .iter()
+                .filter_map(|system| Some((*system, nominal(*system)?)))
+                .flat_map(|(system, walker)| {
+                    let satellites = walker.at(time - GpsTime::default());
+                    satellites
+                        .into_iter()
+                        .map(move |satellite| (system, Vector::from_xyz(satellite.position_m)))
+                })
+                .collect(),
+            Self::Broadcast(data) => {
+                let satellites: BTreeSet<Satellite> =
+                    data.ephemerides.iter().map(|ephemeris| ephemeris.satellite()).collect();
+                satellites
+                    .into_iter()
+                    .filter(|satellite| systems.contains(&satellite.system))
+                    .filter_map(|satellite| {
+                        let state = data.ephemerides.state(satellite, time).ok()?;
+                        Some((satellite.system, state.position_m))
+                    })
+                    .collect()
+            }
+        }
+    }
+
+    /// The signals that every antenna sees at `time`, and the number of satellites.
+    ///
+    /// Standard deviations grow towards the horizon: σ² = σ₀² (½ + ½/sin² elevation).
+    pub(super) fn sights(
+        &self,
+        time: GpsTime,
+        file: &ArrayFile,
+        bands: &[Band],
+    ) -> (Vec<Sight>, usize) {
+        let place = file.plan.place();
+        let (receiver_m, ned_from_ecef) = (place.to_ecef(), place.ned_from_ecef());
+        let systems: BTreeSet<System> = bands.iter().map(|band| band.system).collect();
+        let mut sights = Vec::new();
+        let mut satellites = 0;
+        for (system, position_m) in self.positions(time, &systems) {
+            let direction = (ned_from_ecef * (position_m - receiver_m)).direction();
+            if is_hidden(&direction, file) {
+                continue;
+            }
+            satellites += 1;
+            let sine = -direction.xyz().z;
+            let noise = (0.5 + 0.5 / (sine * sine)).sqrt();
+            for band in bands.iter().filter(|band| band.system == system) {
+                // GLONASS channels differ by 0.5 % at most: the middle one stands for all.
+                if let Some(wavelength_m) = band.wavelength_m(Some(0)) {
+                    sights.push(Sight {
+                        direction,
+                        band: *band,
+                        wavelength_m,
+                        code_sd_m: file.plan.code_sd_m * noise,
+                        phase_sd_m: file.plan.phase_sd_m * noise,
+                    });
+                }
+            }
+        }
+        (sights, satellites)
+    }
+}
+
+/// Whether the elevation mask or the body hides a direction.
+fn is_hidden(direction: &Vector<Ned>, file: &ArrayFile) -> bool {
+    let u = direction.xyz();
+    let elevation_deg = (-u.z).asin().to_degrees();
+    let from_nose_deg = (u.y.atan2(u.x).to_degrees() - file.plan.heading_deg).rem_euclid(360.0);
+    elevation_deg < file.plan.elevation_mask_deg
+        || file.mask.iter().any(|mask| {
+            let width_deg = (mask.to_deg - mask.from_deg).rem_euclid(360.0);
+            let inside = (from_nose_deg - mask.from_deg).rem_euclid(360.0) <= width_deg;
+            inside && elevation_deg < mask.elevation_deg
+        })
+}
+
+/// The design constellation of a system; `None` where the satellites are not a Walker pattern.
+///
+/// Sources: IS-GPS-200 and the interface documents of Galileo (24/3/1), BeiDou (24/3/1) and GLONASS
+/// (24/3/1) for planes, inclination and orbit radius.
+fn nominal(system: System) -> Option<Walker> {
+    let (radius_m, inclination_deg, planes, first_node_deg) = match system {
+        System::Gps => (26.56e6, 55.0, 6_u16, 0.0),
+        System::Galileo => (29.60e6, 56.0, 3, 25.0),
+        System::BeiDou => (27.91e6, 55.0, 3, 50.0),
+        System::Glonass => (25.51e6, 64.8, 3, 75.0),
+        System::Qzss | System::NavIc | System::Sbas => return None,
+    };
+    Some(Walker {
+        radius_m,
+        inclination_rad: f64::to_radians(inclination_deg),
+        planes,
+        per_plane: 24 / planes,
+        phasing: 1,
+        first_node_rad: f64::to_radians(first_node_deg),
+        first_latitude_argument_rad: 0.0,
+    })
+}
+
+/// `2024-06-24T08:20:00`, GPS time.
+pub(super) fn parse_time(text: &str) -> anyhow::Result<GpsTime> {
+    calendar(text).and_then(GpsTime::from_calendar).ok_or_else(|| {
+        anyhow!(UsageError(format!("--at {text}: expected a GPS time such as 2024-06-24T08:20:00")))
+    })
+}
+
+fn calendar(text: &str) -> Option<Calendar> {
+    let (date, clock) = text.split_once('T')?;
+    let (mut date, mut clock) = (date.splitn(3, '-'), clock.splitn(3, ':'));
+    Some(Calendar {
+        year: date.next()?.parse().ok()?,
+        month: date.next()?.parse().ok()?,
+        day: date.next()?.parse().ok()?,
+        hour: clock.next()?.parse().ok()?,
+        minute: clock.next()?.parse().ok()?,
+        second: clock.next().unwrap_or("0").parse().ok()?,
+    })
+}
+
+/// `24h`, `90m` or `600s`, in seconds.
+pub(super) fn parse_duration_s(text: &str) -> anyhow::Result<f64> {
+    let unit = text.chars().last().map_or(String::new(), String::from);
+    let number = text.trim_end_matches(['h', 'm', 's']);
+    let unit_s = match unit.as_str() {
+        "h" => Some(3600.0),
+        "m" => Some(60.0),
+        "s" => Some(1.0),
+        _ => None,
+    };
+    let duration_s = number.parse::<f64>().ok().zip(unit_s).map(|(number, unit_s)| number * unit_s);
+    duration_s.filter(|duration_s| (0.0..=31.0 * 86_400.0).contains(duration_s)).ok_or_else(|| {
+        anyhow!(UsageError(format!("--for {text}: expected a time such as 24h, 90m or 600s")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_durations() {
+        let time = parse_time("2024-06-24T08:20:00").unwrap();
+        assert_eq!((time.week(), time.tow_s()), (2320, 86_400.0 + 8.0 * 3600.0 + 1200.0));
+        assert_eq!(parse_time("2024-06-24T08:20").unwrap(), time);
+        for wrong in ["", "2024-06-24", "2024-13-01T00:00:00", "yesterdayT00:00", "2024-06-24T08"] {
+            assert!(parse_time(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(parse_duration_s("24h").unwrap(), 86_400.0);
+        assert_eq!(parse_duration_s("90m").unwrap(), 5400.0);
+        assert_eq!(parse_duration_s("1.5s").unwrap(), 1.5);
+        for wrong in ["", "h", "24", "-1h", "NaNs", "1e9h", "5 apples", "5é"] {
+            assert!(parse_duration_s(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    /// Two dozen satellites of a system: six to twelve above 10° at middle latitudes, all day.
+    #[test]
+    fn the_nominal_sky_is_as_full_as_the_real_one() {
+        let file: ArrayFile = crate::config_file::parse("antenna = []", "test").unwrap();
+        let bands = [Band::new(System::Gps, 1), Band::new(System::Galileo, 1)];
+        for hour in 0..24 {
+            let time = GpsTime::default() + 3600.0 * f64::from(hour);
+            for band in bands {
+                let (sights, satellites) = Sky::Nominal.sights(time, &file, &[band]);
+                assert!((4..=13).contains(&satellites), "{band} at {hour} h: {satellites}");
+                assert_eq!(sights.len(), satellites);
+            }
+        }
+    }
+
+    #[test]
+    fn the_body_hides_a_sector() {
+        let text = "antenna = []\n[plan]\nheading_deg = 90.0\n\
+                    [[mask]]\nfrom_deg = 350.0\nto_deg = 10.0\nelevation_deg = 45.0\n";
+        let file: ArrayFile = crate::config_file::parse(text, "test").unwrap();
+        let towards = |azimuth_deg: f64, elevation_deg: f64| {
+            let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
+            Vector::new(e.cos() * a.cos(), e.cos() * a.sin(), -e.sin())
+        };
+        assert!(is_hidden(&towards(90.0, 40.0), &file), "ahead, below the mask");
+        assert!(!is_hidden(&towards(90.0, 50.0), &file), "ahead, above it");
+        assert!(!is_hidden(&towards(105.0, 40.0), &file), "beside it");
+        assert!(is_hidden(&towards(180.0, 5.0), &file), "below the elevation mask");
+    }
+}
