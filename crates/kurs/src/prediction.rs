@@ -6,6 +6,7 @@ use rand::RngExt;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::ambiguity::MixedFloat;
+use crate::ambiguity::array_constrained::ArrayConstrained;
 use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::sphere::Length;
@@ -166,23 +167,71 @@ pub fn length_constrained_success_rate(
     draws: u32,
     random: &mut Xoshiro256PlusPlus,
 ) -> Option<f64> {
-    let model = baseline_float(sights)?;
-    let count = model.ambiguities.len();
-    let gains = &model.cross_covariance * model.ambiguity_covariance.clone().try_inverse()?;
-    let ambiguity_factor = model.ambiguity_covariance.clone().cholesky()?.unpack();
-    let conditional_factor = model.conditional_covariance_m2.clone().cholesky()?.unpack();
     let length = Length { length_m: baseline_m.norm(), sd_m: length_sd_m };
+    let truth_m = DVector::from_column_slice(baseline_m.xyz().as_slice());
     let mut search = LengthConstrained::default();
+    share_of_right_integers(&baseline_float(sights)?, &truth_m, draws, random, |float| {
+        Some(search.solve(float, length, 1).ok()?.into_iter().next()?.integers)
+    })
+}
+
+/// The same for all integers of the whole array, with its known geometry inside the search.
+#[must_use]
+pub fn array_constrained_success_rate(
+    array: &AntennaArray,
+    attitude: &Attitude,
+    sights: &[Sight],
+    array_sd_m: f64,
+    draws: u32,
+    random: &mut Xoshiro256PlusPlus,
+) -> Option<f64> {
+    let of_one = baseline_float(sights)?;
+    let count = array.len() - 1;
+    // Antenna 0 is in every difference: K = ½ (I + 11ᵀ), all covariances are K ⊗ those of one.
+    let shared = DMatrix::from_fn(count, count, |i, j| if i == j { 1.0 } else { 0.5 });
+    let float = MixedFloat {
+        ambiguities: DVector::zeros(count * of_one.ambiguities.len()),
+        ambiguity_covariance: shared.kronecker(&of_one.ambiguity_covariance),
+        reals_m: DVector::zeros(3 * count),
+        cross_covariance: shared.kronecker(&of_one.cross_covariance),
+        conditional_covariance_m2: shared.kronecker(&of_one.conditional_covariance_m2),
+    };
+    let ned_from_body = attitude.ned_from_body();
+    let body_m: Vec<Vector3<f64>> = (1..=count).map(|j| array.baseline_m(j).xyz()).collect();
+    let components = (1..=count).flat_map(|j| {
+        let baseline_m = (ned_from_body * array.baseline_m(j)).xyz();
+        [baseline_m.x, baseline_m.y, baseline_m.z]
+    });
+    let truth_m = DVector::from_iterator(3 * count, components);
+    let ambiguities_of = vec![of_one.ambiguities.len(); count];
+    let mut search = ArrayConstrained::default();
+    share_of_right_integers(&float, &truth_m, draws, random, |float| {
+        let best = search.solve(float, &ambiguities_of, &body_m, array_sd_m, 1).ok()?;
+        Some(best.into_iter().next()?.integers)
+    })
+}
+
+/// Draws float solutions about the true baselines and zero integers, and counts how often `search`
+/// answers zero; `None` as soon as it gives up.
+fn share_of_right_integers(
+    model: &MixedFloat,
+    truth_m: &DVector<f64>,
+    draws: u32,
+    random: &mut Xoshiro256PlusPlus,
+    mut search: impl FnMut(&MixedFloat) -> Option<Vec<i64>>,
+) -> Option<f64> {
+    let ambiguity_cholesky = model.ambiguity_covariance.clone().cholesky()?;
+    let gains = ambiguity_cholesky.solve(&model.cross_covariance.transpose()).transpose();
+    let ambiguity_factor = ambiguity_cholesky.unpack();
+    let conditional_factor = model.conditional_covariance_m2.clone().cholesky()?.unpack();
     let mut right = 0_u32;
     for _ in 0..draws {
-        // â = 0 + Q_a^½ n,  b̂ = b + Q_ba Q_a⁻¹ â + Q_b|a^½ n
-        let ambiguities = &ambiguity_factor * standard_normal(count, random);
-        let reals_m = DVector::from_column_slice(baseline_m.xyz().as_slice())
-            + &gains * &ambiguities
-            + &conditional_factor * standard_normal(3, random);
-        let float = MixedFloat { ambiguities, reals_m, ..model.clone() };
-        let best = search.solve(&float, length, 1).ok()?;
-        right += u32::from(best.first()?.integers.iter().all(|z| *z == 0));
+        // â = Q_a^½ n,  b̂ = b + Q_ba Q_a⁻¹ â + Q_b|a^½ n
+        let ambiguities = &ambiguity_factor * standard_normal(ambiguity_factor.nrows(), random);
+        let given = &conditional_factor * standard_normal(conditional_factor.nrows(), random);
+        let reals_m = truth_m + &gains * &ambiguities + given;
+        let integers = search(&MixedFloat { ambiguities, reals_m, ..model.clone() })?;
+        right += u32::from(integers.iter().all(|z| *z == 0));
     }
     Some(f64::from(right) / f64::from(draws))
 }
@@ -398,6 +447,11 @@ mod tests {
             length_constrained_success_rate(&sights, &baseline_m, 0.002, 300, &mut random).unwrap();
         assert!(free > 0.01 && free < 0.9, "{free}");
         assert!(constrained > free + 0.1 && constrained <= 1.0, "{free} {constrained}");
+        let attitude = Attitude { heading_rad: 0.7, pitch_rad: 0.0, roll_rad: 0.0 };
+        let whole =
+            array_constrained_success_rate(&roof(), &attitude, &sights, 0.002, 50, &mut random);
+        let whole = whole.unwrap();
+        assert!(whole > constrained - 0.1 && whole <= 1.0, "{constrained} {whole}");
     }
 
     #[test]

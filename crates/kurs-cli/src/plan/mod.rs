@@ -13,8 +13,8 @@ use anyhow::bail;
 use kurs::array::AntennaArray;
 use kurs::frames::Attitude;
 use kurs::prediction::{
-    AttitudeAccuracy, Sight, attitude_accuracy, baseline_success_rate,
-    length_constrained_success_rate,
+    AttitudeAccuracy, Sight, array_constrained_success_rate, attitude_accuracy,
+    baseline_success_rate, length_constrained_success_rate,
 };
 use kurs::selection::{
     Baselines, Criterion, Graph, Pair, SelectionError, error_relative_to_all_antennas, select,
@@ -31,6 +31,8 @@ use crate::failure::UsageError;
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 200;
+/// The same for the constraint of the whole array, whose search takes longer.
+const ARRAY_DRAWS: u32 = 50;
 /// Epochs over the time span that stand for all of it where every candidate costs a calculation.
 const SAMPLED_EPOCHS: usize = 24;
 /// More epochs than this are refused: a mistyped step.
@@ -94,6 +96,8 @@ struct Plan {
     epochs: Vec<Epoch>,
     /// For each antenna but the first: success rate of its baseline with known length.
     length_constrained: Vec<Option<f64>>,
+    /// Success rate of the whole array with its geometry known.
+    array_constrained: Option<f64>,
     improvement: Option<Improvement>,
     choices: Vec<Choice>,
 }
@@ -115,6 +119,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
     let plan = Plan {
         length_constrained: length_constrained(&file, &array, &epochs, &mut random),
+        array_constrained: array_constrained(&file, &array, &epochs, &mut random),
         improvement: improvement::best(&array, &attitude(&file), &sampled(&epochs)),
         choices: choose(&array, &baselines, file.plan.graph(), &mut random),
         sky: sky.description(),
@@ -173,36 +178,44 @@ fn sampled(epochs: &[Epoch]) -> Vec<&[Sight]> {
     usable.iter().step_by(stride).map(|epoch| epoch.sights.as_slice()).collect()
 }
 
-/// Success rate with known length of each baseline from the first antenna, at the epoch whose
-/// unconstrained rate is the median.
+/// The epoch whose unconstrained success rate is the median.
+fn median_epoch(epochs: &[Epoch]) -> Option<&Epoch> {
+    let mut by_rate: Vec<(f64, &Epoch)> =
+        epochs.iter().filter_map(|epoch| Some((epoch.success_rate?, epoch))).collect();
+    by_rate.sort_by(|a, b| a.0.total_cmp(&b.0));
+    by_rate.get(by_rate.len() / 2).map(|(_, epoch)| *epoch)
+}
+
+/// Success rate with known length of each baseline from the first antenna, at the median epoch.
 fn length_constrained(
     file: &ArrayFile,
     array: &AntennaArray,
     epochs: &[Epoch],
     random: &mut Xoshiro256PlusPlus,
 ) -> Vec<Option<f64>> {
-    let mut by_rate: Vec<&Epoch> =
-        epochs.iter().filter(|epoch| epoch.success_rate.is_some()).collect();
-    by_rate.sort_by(|a, b| {
-        a.success_rate.partial_cmp(&b.success_rate).unwrap_or(std::cmp::Ordering::Equal)
-    });
-    let Some(median) = by_rate.get(by_rate.len() / 2) else {
-        return vec![None; array.len() - 1];
-    };
     let ned_from_body = attitude(file).ned_from_body();
-    (1..array.len())
-        .map(|rover| {
-            let baseline_m = ned_from_body * array.baseline_m(rover);
-            let length_sd_m = file.plan.length_sd_m;
-            length_constrained_success_rate(
-                &median.sights,
-                &baseline_m,
-                length_sd_m,
-                LENGTH_DRAWS,
-                random,
-            )
-        })
-        .collect()
+    let mut rate = |rover| {
+        length_constrained_success_rate(
+            &median_epoch(epochs)?.sights,
+            &(ned_from_body * array.baseline_m(rover)),
+            file.plan.length_sd_m,
+            LENGTH_DRAWS,
+            random,
+        )
+    };
+    (1..array.len()).map(&mut rate).collect()
+}
+
+/// Success rate of all integers with the known array, at the median epoch.
+fn array_constrained(
+    file: &ArrayFile,
+    array: &AntennaArray,
+    epochs: &[Epoch],
+    random: &mut Xoshiro256PlusPlus,
+) -> Option<f64> {
+    let sights = &median_epoch(epochs)?.sights;
+    let array_sd_m = file.plan.length_sd_m;
+    array_constrained_success_rate(array, &attitude(file), sights, array_sd_m, ARRAY_DRAWS, random)
 }
 
 /// The best baselines by every criterion.

@@ -50,7 +50,7 @@ pub(crate) fn print_twelve() {
     println!("## Time and gap\n");
     println!(
         "One random cube each, one thread. The gap is to a bound that no choice can pass: 0 where \
-         every choice was looked at or excluded, else from the relaxation. Times are of one machine.\n"
+         every choice was looked at or excluded, else from the relaxation. Times are wall time of one machine.\n"
     );
     println!("| antennas | graph | criterion | value | gap | time, ms |");
     println!("|---|---|---|---|---|---|");

@@ -1,0 +1,129 @@
+//! `kurs plan` from file to files.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+const ROOF: &str = r#"
+[[antenna]]
+name = "bow"
+position_m = [0.0, 0.0, 0.0]
+[[antenna]]
+name = "port"
+position_m = [-1.5, -0.6, 0.0]
+[[antenna]]
+name = "starboard"
+position_m = [-1.5, 0.6, 0.0]
+[plan]
+step_s = 1800.0
+"#;
+
+/// Runs the command on a file with this text; the outputs go to `folder/out`.
+fn plan(folder: &Path, text: &str, options: &[&str]) -> Output {
+    let file = folder.join("array.toml");
+    fs::write(&file, text).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kurs"));
+    command.arg("plan").arg(&file).arg("--out").arg(folder.join("out")).args(options);
+    command.output().unwrap()
+}
+
+fn json(folder: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("out/plan.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn a_roof_is_planned_for_a_day() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = plan(folder.path(), ROOF, &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    for expected in ["nominal", "does not matter", "one plane", "starboard", "optimal"] {
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
+
+    let plan = json(folder.path());
+    let epochs = plan["epochs"].as_array().unwrap();
+    assert_eq!(epochs.len(), 49);
+    for epoch in epochs {
+        // 1.5 m and 3 mm: some tenths of a degree.
+        let heading = epoch["heading_sd_deg"].as_f64().unwrap();
+        assert!((0.02..0.4).contains(&heading), "{heading}");
+        assert!(epoch["roll_sd_deg"].as_f64().unwrap() > heading);
+        let rate = epoch["success_rate"].as_f64().unwrap();
+        assert!((0.0..=1.0).contains(&rate));
+    }
+    // The short side across is weak: roll.
+    let axis = plan["improvement"]["weakest_axis_body"][0].as_f64().unwrap();
+    assert!(axis.abs() > 0.9, "{axis}");
+    let total = plan["improvement"]["total_deg"].as_f64().unwrap();
+    assert!(plan["improvement"]["added"]["total_deg"].as_f64().unwrap() < total);
+    assert!(plan["improvement"]["moved"]["total_deg"].as_f64().unwrap() < total);
+    let whole = plan["array_constrained_success_rate"].as_f64().unwrap();
+    assert!((0.5..=1.0).contains(&whole), "{whole}");
+    let best = &plan["choices"][3];
+    assert_eq!(best["criterion"], "trace_of_covariance");
+    assert_eq!(best["gap"], 0.0);
+    assert_eq!(best["baselines"].as_array().unwrap().len(), 2);
+    assert!(best["error_relative_to_all_antennas"].as_f64().unwrap() >= 1.0);
+    assert!(plan["choices"][0]["refused"].as_str().unwrap().contains("one plane"));
+
+    let page = fs::read_to_string(folder.path().join("out/plan.html")).unwrap();
+    assert!(page.contains("plot-2") && !page.contains(r#"src="http"#));
+}
+
+#[test]
+fn two_antennas_have_no_roll_and_nothing_to_choose() {
+    let folder = tempfile::tempdir().unwrap();
+    let parts = ROOF.split("[[antenna]]").collect::<Vec<_>>();
+    let text = format!("[[antenna]]{}[[antenna]]{}[plan]\nstep_s = 7200.0\n", parts[1], parts[2]);
+    let output = plan(folder.path(), &text, &["--for", "6h"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let plan = json(folder.path());
+    assert_eq!(plan["epochs"].as_array().unwrap().len(), 4);
+    assert!(plan["epochs"][0]["heading_sd_deg"].as_f64().unwrap() > 0.0);
+    assert!(plan["epochs"][0]["roll_sd_deg"].is_null());
+    assert!(plan["choices"][3]["refused"].as_str().unwrap().contains("one line"));
+}
+
+#[test]
+fn wrong_files_are_usage_errors_that_name_the_key() {
+    let one = "[[antenna]]\nname = \"a\"\nposition_m = [0.0, 0.0, 0.0]\n";
+    let with = |more: &str| format!("{ROOF}{more}\n");
+    let weight = |rover: &str, weight: &str| {
+        with(&format!("[[baseline]]\nbetween = [\"bow\", \"{rover}\"]\nweight = {weight}"))
+    };
+    for (text, expected) in [
+        (one.to_owned(), "1 antenna"),
+        (format!("{one}{one}"), "apart"),
+        (ROOF.replace("step_s", "step"), "did you mean `step_s`"),
+        (ROOF.replace("1800.0", "nan"), "plan.step_s is NaN"),
+        (ROOF.replace("-1.5", "inf"), "not a finite number"),
+        (with(r#"criterion = "best""#), "unknown variant `best`"),
+        (with(r#"bands = ["X9"]"#), "plan.bands"),
+        (weight("mast", "1.0"), "`mast`"),
+        (weight("bow", "1.0"), "named twice"),
+        (weight("port", "-1.0"), "weight -1"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = plan(folder.path(), &text, &[]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(expected), "{expected}: {message}");
+        assert!(!folder.path().join("out").exists(), "nothing is written");
+    }
+}
+
+/// A file that is no navigation file is input that cannot be used.
+#[test]
+fn a_wrong_navigation_file_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("brdc.rnx");
+    fs::write(&file, "not a navigation file\n").unwrap();
+    let output = plan(folder.path(), ROOF, &["--nav", file.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("brdc.rnx"));
+}
