@@ -11,3 +11,4 @@ pub mod rinex;
 pub mod session;
 pub mod source;
 mod sp3;
+pub mod tdm;

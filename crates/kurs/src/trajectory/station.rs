@@ -37,6 +37,12 @@ impl Station {
         self.position_m
     }
 
+    /// The rotation from the common frame into the station's axes.
+    #[must_use]
+    pub const fn ned_from_ecef(&self) -> Rotation<Ned, Ecef> {
+        self.ned_from_ecef
+    }
+
     /// The object as seen from the station: components along its north, east and down, metres.
     #[must_use]
     pub fn sight(&self, object_m: Vector<Ecef>) -> Vector<Ned> {
