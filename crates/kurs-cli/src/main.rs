@@ -16,6 +16,7 @@ mod solve;
 mod summary;
 mod table;
 mod tables;
+mod track;
 
 use std::process::ExitCode;
 
@@ -35,6 +36,7 @@ enum Command {
     Simulate(simulate::Args),
     Orient(orient::Args),
     Plan(Box<plan::Args>),
+    Track(track::Args),
 }
 
 fn main() -> ExitCode {
@@ -44,6 +46,7 @@ fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Orient(args) => orient::run(&args),
         Command::Plan(args) => plan::run(&args),
+        Command::Track(args) => track::run(&args),
     };
     failure::exit_code(result)
 }

@@ -1,0 +1,149 @@
+//! Measurements from CSV files with units in the column names, and from Tracking Data Messages.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use kurs::time::GpsTime;
+use kurs::trajectory::measurement::{Measurement, Quantity};
+use kurs_formats::tdm::{self, Observable, TimeSystem};
+
+use super::config::{Config, TwoWayRange};
+
+/// One measurement with its instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Observation {
+    pub(super) time: GpsTime,
+    pub(super) measurement: Measurement,
+}
+
+/// Reads all files of the configuration, in order of time.
+pub(super) fn read(config: &Config, folder: &Path) -> anyhow::Result<Vec<Observation>> {
+    let mut observations = Vec::new();
+    for file in &config.track.files {
+        let path = folder.join(file);
+        let text = fs::read_to_string(&path)
+            .with_context(|| format!("{}: cannot be read", path.display()))?;
+        let read =
+            if tdm::looks_like(&text) { from_tdm(config, &text) } else { from_csv(config, &text) };
+        observations.extend(read.with_context(|| path.display().to_string())?);
+    }
+    if observations.is_empty() {
+        bail!("no measurements in the files of `track.files`");
+    }
+    observations.sort_by_key(|observation| observation.time);
+    Ok(observations)
+}
+
+fn from_tdm(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
+    let data = tdm::read(text)?;
+    for (keyword, count) in &data.read_past {
+        eprintln!("note: {count} records of {keyword} have no use here and were read past");
+    }
+    let mut observations = Vec::with_capacity(data.records.len());
+    for record in &data.records {
+        let station = |name: &str| {
+            let index = config.index_of(name);
+            index.with_context(|| format!("line {}: no station is called `{name}`", record.line))
+        };
+        let index = station(&record.station)?;
+        let (quantity, value) = match record.observable {
+            Observable::Azimuth => (Quantity::Azimuth, record.value),
+            Observable::Elevation => (Quantity::Elevation, record.value),
+            Observable::OneWayRange => (Quantity::Range, record.value),
+            Observable::TwoWayRange => match config.track.two_way_range {
+                TwoWayRange::Half => (Quantity::Range, record.value),
+                TwoWayRange::RoundTrip => (Quantity::Range, 0.5 * record.value),
+            },
+            Observable::RangeDifference => {
+                let reference = station(record.reference.as_deref().unwrap_or_default())?;
+                (Quantity::RangeDifference { reference }, record.value)
+            }
+        };
+        let sigma = config.station[index].sigma(quantity)?;
+        let measurement = Measurement { station: index, quantity, value, sigma };
+        observations.push(Observation { time: record.time, measurement });
+    }
+    Ok(observations)
+}
+
+/// A column with values: its name, that of its standard deviation, and the factor to rad, m or 1.
+const VALUES: [(&str, &str, Quantity); 6] = [
+    ("azimuth_deg", "azimuth_sd_deg", Quantity::Azimuth),
+    ("elevation_deg", "elevation_sd_deg", Quantity::Elevation),
+    ("range_m", "range_sd_m", Quantity::Range),
+    ("range_difference_m", "range_difference_sd_m", Quantity::RangeDifference { reference: 0 }),
+    ("cosine_north", "cosine_north_sd", Quantity::CosineNorth),
+    ("cosine_east", "cosine_east_sd", Quantity::CosineEast),
+];
+const TIMES: [&str; 3] = ["time_utc", "time_gpst", "time_s"];
+
+/// Columns: a time, `station`, values, optionally their standard deviations and `reference`.
+fn from_csv(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    let headers = reader.headers()?.clone();
+    let known = |name: &str| {
+        TIMES.contains(&name)
+            || ["station", "reference"].contains(&name)
+            || VALUES.iter().any(|(value, sd, _)| [*value, *sd].contains(&name))
+    };
+    if let Some(unknown) = headers.iter().find(|name| !known(name)) {
+        bail!("line 1: unknown column `{unknown}`");
+    }
+    let column = |name: &str| headers.iter().position(|header| header == name);
+    let time_column = TIMES.iter().find_map(|name| Some((*name, column(name)?)));
+    let (time_name, time_column) =
+        time_column.context("line 1: one of the columns time_utc, time_gpst, time_s is needed")?;
+    let station_column = column("station").context("line 1: the column `station` is needed")?;
+    let start = TimeSystem::Utc.instant(&config.track.start_utc);
+    let start = start.context("`track.start_utc` is not a date and time")?;
+
+    let mut observations = Vec::new();
+    for row in reader.records() {
+        let row = row?;
+        let line = row.position().map_or(0, csv::Position::line);
+        let field =
+            |name: &str| column(name).and_then(|index| row.get(index)).filter(|f| !f.is_empty());
+        let number = |name: &str| -> anyhow::Result<Option<f64>> {
+            let parse = |text: &str| {
+                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+                number.with_context(|| format!("line {line}: {name}: `{text}` is not a number"))
+            };
+            field(name).map(parse).transpose()
+        };
+        let time_text = &row[time_column];
+        let time = match time_name {
+            "time_utc" => TimeSystem::Utc.instant(time_text),
+            "time_gpst" => TimeSystem::Gps.instant(time_text),
+            _ => time_text.parse().ok().filter(|s: &f64| s.is_finite()).map(|s| start + s),
+        };
+        let time =
+            time.with_context(|| format!("line {line}: {time_name}: `{time_text}` is not a time"))?;
+        let index_of = |name: &str| {
+            let index = config.index_of(name);
+            index.with_context(|| format!("line {line}: no station is called `{name}`"))
+        };
+        let station = index_of(&row[station_column])?;
+        for (value_name, sd_name, quantity) in VALUES {
+            let Some(value) = number(value_name)? else { continue };
+            let quantity = match quantity {
+                Quantity::RangeDifference { .. } => {
+                    let name = field("reference");
+                    let name =
+                        name.with_context(|| format!("line {line}: `reference` is empty"))?;
+                    Quantity::RangeDifference { reference: index_of(name)? }
+                }
+                other => other,
+            };
+            let unit = if value_name.ends_with("_deg") { 1.0_f64.to_radians() } else { 1.0 };
+            let sigma = match number(sd_name)? {
+                Some(sigma) if sigma > 0.0 => sigma * unit,
+                Some(sigma) => bail!("line {line}: {sd_name}: {sigma} is not above zero"),
+                None => config.station[station].sigma(quantity)?,
+            };
+            let measurement = Measurement { station, quantity, value: value * unit, sigma };
+            observations.push(Observation { time, measurement });
+        }
+    }
+    Ok(observations)
+}
