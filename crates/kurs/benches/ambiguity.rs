@@ -3,7 +3,7 @@
 use divan::{Bencher, black_box};
 use kurs::ambiguity::{
     MixedFloat, array_constrained::ArrayConstrained, length_constrained::LengthConstrained,
-    search::IntegerLeastSquares, sphere::Length,
+    search::IntegerLeastSquares, sphere::Length, sphere_search,
 };
 use nalgebra::Vector3;
 

@@ -1,7 +1,7 @@
 //! How often the right integers win: one epoch, one band, by Monte Carlo.
 //!
 //! `cargo run --release -p kurs --example success_rates [EPOCHS]` prints the table of
-//! `docs/theory/success_rates.md`. Satellites: sine of the elevation uniform in [sin 10°, 1],
+//! `docs/theory/integers.md`. Satellites: sine of the elevation uniform in [sin 10°, 1],
 //! azimuth uniform, PDOP below 8; the same undifferenced standard deviations for all; heading
 //! uniform, pitch and roll within ± 20°; three antennas at a right angle with equal arms. An epoch
 //! counts as right when no other integer vector beats the true one.
@@ -10,6 +10,7 @@
 use kurs::ambiguity::{
     AmbiguityError, MixedFloat, array_constrained::ArrayConstrained,
     length_constrained::LengthConstrained, search::IntegerLeastSquares, sphere::Length,
+    sphere_search,
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use rand::RngExt;

@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, SVector, Vector3};
 
 use super::{
     AmbiguityError, MixedFloat,
-    best_first::{BestFirst, Constraint, DEFAULT_NODE_BUDGET, Extent, Levels},
+    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels},
     decorrelate::Decorrelation,
     frame::{FrameMetric, completed},
     length_constrained::LengthConstrained,
@@ -207,8 +207,13 @@ impl<const P: usize, const S: usize> Constraint<P> for Frames<P, S> {
         &self,
         reals: &SVector<f64, P>,
         multiplier: SVector<f64, S>,
-    ) -> Result<f64, AmbiguityError> {
-        self.0[0].nearest(reals, multiplier).map(|(_, cost)| cost)
+        enough: f64,
+    ) -> Result<Cost, AmbiguityError> {
+        let (bound, multiplier) = self.0[0].tight_bound(reals, multiplier);
+        if bound > enough {
+            return Ok(Cost::AtLeast(bound));
+        }
+        self.0[0].nearest(reals, multiplier).map(|(_, cost)| Cost::Exact(cost))
     }
 }
 

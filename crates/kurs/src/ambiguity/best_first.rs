@@ -41,7 +41,7 @@ pub(super) trait Constraint<const P: usize> {
         start: Option<Self::Multiplier>,
     ) -> (f64, Self::Multiplier);
 
-    /// `min |x̌₀ − x|²_Q₀`.
+    /// `min |x̌₀ − x|²_Q₀`, or a better lower bound if that is already above `enough`.
     ///
     /// # Errors
     ///
@@ -50,7 +50,17 @@ pub(super) trait Constraint<const P: usize> {
         &self,
         reals: &SVector<f64, P>,
         multiplier: Self::Multiplier,
-    ) -> Result<f64, AmbiguityError>;
+        enough: f64,
+    ) -> Result<Cost, AmbiguityError>;
+}
+
+/// What is known of a cost.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Cost {
+    /// The cost itself.
+    Exact(f64),
+    /// It is at least this.
+    AtLeast(f64),
 }
 
 /// How far a search goes.
@@ -209,16 +219,23 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         }
     }
 
-    /// Replaces the bound of a node with all integers fixed by its cost.
+    /// Replaces the bound of a node with all integers fixed by its cost, or by a better bound if
+    /// others come first then.
     fn settle(
         &mut self,
         constraint: &impl Constraint<P, Multiplier = M>,
         index: usize,
     ) -> Result<(), AmbiguityError> {
+        let next = self.queue.peek().map_or(f64::INFINITY, |queued| queued.bound);
         let node = &mut self.nodes[index];
-        let inner = constraint.cost(&node.reals, node.multiplier)?;
+        let inner = match constraint.cost(&node.reals, node.multiplier, next - node.norm)? {
+            Cost::Exact(inner) => {
+                node.stage = Stage::Settled;
+                inner
+            }
+            Cost::AtLeast(inner) => inner,
+        };
         node.bound = node.bound.max(node.norm + inner);
-        node.stage = Stage::Settled;
         self.queue.push(Queued { bound: node.bound, node: index });
         Ok(())
     }

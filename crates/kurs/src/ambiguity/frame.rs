@@ -24,8 +24,11 @@ use crate::attitude::{AttitudeProblem, wahba::nearest_rotation, weighted::Matrix
 const MAX_STEPS: usize = 30;
 /// Newton steps from the multipliers of the branch above.
 const FEW_STEPS: usize = 1;
-/// A step is halved so often before it is given up.
-const MAX_HALVINGS: usize = 8;
+/// A gain of the bound below this, relative to it, is rounding.
+const SMALL_GAIN: f64 = 1e-11;
+/// A step is halved so often before it is given up: next to the edge `det A = 0` it may be far too
+/// long.
+const MAX_HALVINGS: usize = 30;
 /// Bound and cost that agree to this are the global minimum.
 const CERTIFIED: f64 = 1e-6;
 
@@ -70,9 +73,28 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         vectors: &SVector<f64, P>,
         start: Option<SVector<f64, S>>,
     ) -> (f64, SVector<f64, S>) {
-        let max_steps = if start.is_some() { FEW_STEPS } else { MAX_STEPS };
-        let (found, multipliers) =
-            self.climb(vectors, start.unwrap_or_else(SVector::zeros), max_steps);
+        match start {
+            Some(start) => self.bound_after(vectors, start, FEW_STEPS),
+            None => self.bound_after(vectors, SVector::zeros(), MAX_STEPS),
+        }
+    }
+
+    /// As [`bound`](Self::bound), from many steps that begin at `start`.
+    pub(super) fn tight_bound(
+        &self,
+        vectors: &SVector<f64, P>,
+        start: SVector<f64, S>,
+    ) -> (f64, SVector<f64, S>) {
+        self.bound_after(vectors, start, MAX_STEPS)
+    }
+
+    fn bound_after(
+        &self,
+        vectors: &SVector<f64, P>,
+        start: SVector<f64, S>,
+        max_steps: usize,
+    ) -> (f64, SVector<f64, S>) {
+        let (found, multipliers) = self.climb(vectors, start, max_steps);
         (found.map_or(0.0, |dual| dual.value.max(0.0)), multipliers)
     }
 
@@ -112,6 +134,10 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         let Some(mut here) = self.dual(vectors, &multipliers) else { return (None, multipliers) };
         for _ in 0..max_steps {
             let Some(mut step) = here.newton_step() else { break };
+            // Twice what the step can gain: nothing at the top.
+            if here.slopes.dot(&step) <= SMALL_GAIN * (1.0 + here.value.abs()) {
+                break;
+            }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
                 let there = self.dual(vectors, &(multipliers + step));
@@ -123,11 +149,7 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
             }
             let Some(there) = next else { break };
             multipliers += step;
-            let gain = there.value - here.value;
             here = there;
-            if gain <= 1e-12 * (1.0 + here.value.abs()) {
-                break;
-            }
         }
         (Some(here), multipliers)
     }

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{
     AmbiguityError, MixedFloat,
-    best_first::{BestFirst, Constraint, DEFAULT_NODE_BUDGET, Extent, Levels},
+    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels},
     decorrelate::Decorrelation,
     search::DEFAULT_HORIZON,
     sphere::{Length, SphereMetric},
@@ -120,8 +120,8 @@ impl Constraint<3> for Spheres {
         }
     }
 
-    fn cost(&self, reals: &Vector3<f64>, _: f64) -> Result<f64, AmbiguityError> {
-        Ok(self.0[0].cost(reals))
+    fn cost(&self, reals: &Vector3<f64>, _: f64, _: f64) -> Result<Cost, AmbiguityError> {
+        Ok(Cost::Exact(self.0[0].cost(reals)))
     }
 }
 

@@ -8,10 +8,14 @@
 //! 3. [`length_constrained`] does so when the length of the baseline is known, with the nearest
 //!    point of a [`sphere`] inside, and [`array_constrained`] when the shape of a whole array is,
 //!    with the nearest orthonormal [`frame`] inside,
-//! 4. [`success_rate`] says beforehand how often the nearest vector is the right one.
+//! 4. [`sphere_search`] finds the same over the directions of one baseline: the judge of the others,
+//!    and a way without code observations,
+//! 5. [`success_rate`] says beforehand how often the nearest vector is the right one, and
+//!    [`acceptance`] afterwards whether this one may be used.
 
 use nalgebra::{DMatrix, DVector};
 
+pub mod acceptance;
 pub mod array_constrained;
 mod best_first;
 pub mod decorrelate;
@@ -21,6 +25,7 @@ pub mod length_constrained;
 
 pub mod search;
 pub mod sphere;
+pub mod sphere_search;
 pub mod success_rate;
 
 #[cfg(test)]

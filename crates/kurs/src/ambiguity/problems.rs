@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-use super::MixedFloat;
+use super::{MixedFloat, sphere_search::PhaseModel};
 
 /// Wavelength of GPS L1, m.
 pub(crate) const L1_M: f64 = 299_792_458.0 / 1_575.42e6;
@@ -184,14 +184,40 @@ impl Sky {
                 cross_covariance,
                 conditional_covariance_m2,
             },
+            phases_m: DVector::from_fn(n, |i, _| {
+                (fraction_cycles[i] + integers[i] as f64) * wavelengths[i]
+            }),
             integers,
+            wavelengths_m: wavelengths,
+            phase_covariance_m2: &shared * noise.phase_m.powi(2),
+            code_information: &weighted * &design * noise.code_m.powi(-2),
+            design,
         }
     }
 }
 
-/// A float solution and the integers behind it.
+/// A float solution, and what it was made of.
 #[derive(Debug, Clone)]
 pub(crate) struct Epoch {
     pub float: MixedFloat,
     pub integers: Vec<i64>,
+    phases_m: DVector<f64>,
+    wavelengths_m: DVector<f64>,
+    design: DMatrix<f64>,
+    phase_covariance_m2: DMatrix<f64>,
+    code_information: DMatrix<f64>,
+}
+
+impl Epoch {
+    /// The same epoch, of one baseline, for the search over the sphere.
+    pub(crate) fn phase_model(&self) -> PhaseModel {
+        PhaseModel {
+            phases_m: self.phases_m.clone(),
+            wavelengths_m: self.wavelengths_m.clone(),
+            design: self.design.clone(),
+            covariance_m2: self.phase_covariance_m2.clone(),
+            prior_m: self.float.reals_m.fixed_rows::<3>(0).into(),
+            prior_information: self.code_information.fixed_view::<3, 3>(0, 0).into(),
+        }
+    }
 }
