@@ -32,8 +32,10 @@ fn explain(message: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
     match (message.starts_with("unknown field"), quoted.next()) {
         (true, Some(found)) => {
-            let nearest =
-                quoted.max_by(|a, b| strsim::jaro(found, a).total_cmp(&strsim::jaro(found, b)));
+            let likeness = |key: &&str| strsim::jaro(found, key);
+            let nearest = quoted
+                .filter(|key| likeness(key) > 0.7)
+                .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
             let hint = nearest.map_or_else(String::new, |key| format!(", did you mean `{key}`?"));
             format!("unknown key `{found}`{hint}")
         }

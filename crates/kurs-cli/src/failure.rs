@@ -8,12 +8,24 @@ use std::process::ExitCode;
 #[error("{0}")]
 pub(crate) struct UsageError(pub(crate) String);
 
+/// The error with its causes; a cause that the text before already tells is not repeated.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |text, cause| {
+        let cause = cause.to_string();
+        match (text.is_empty(), text.contains(&cause)) {
+            (true, _) => cause,
+            (false, true) => text,
+            (false, false) => format!("{text}: {cause}"),
+        }
+    })
+}
+
 /// Prints the error, if there is one, and gives the exit status that belongs to it.
 pub(crate) fn exit_code(result: anyhow::Result<ExitCode>) -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", told(&error));
             ExitCode::from(if error.is::<UsageError>() { 2 } else { 1 })
         }
     }

@@ -149,14 +149,24 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
     }
     for assignment in overrides.set {
         set(&mut table, assignment, &mut origins)?;
+        typed(&table).map_err(|what| UsageError(format!("--set {assignment}: {what}")))?;
     }
-    let text = toml::to_string(&table).map_err(|error| UsageError(error.to_string()))?;
-    let config: Config = config_file::parse(&text, "configuration").map_err(|error| {
-        UsageError(error.0.split_once(": ").map_or(error.0.clone(), |(_, m)| m.to_owned()))
-    })?;
+    let (config, text) = typed(&table).map_err(UsageError)?;
     let loaded = Loaded { config, folder, origins, text };
     loaded.check()?;
     Ok(loaded)
+}
+
+/// The table as a configuration, and as text; what is wrong with it otherwise.
+fn typed(table: &toml::Table) -> Result<(Config, String), String> {
+    let text = toml::to_string(table).map_err(|error| error.to_string())?;
+    match config_file::parse(&text, "") {
+        Ok(config) => Ok((config, text)),
+        // The line is one of a text that nobody has written.
+        Err(UsageError(message)) => {
+            Err(message.splitn(3, ':').last().unwrap_or("").trim().to_owned())
+        }
+    }
 }
 
 fn absolute(path: &Path) -> toml::Value {

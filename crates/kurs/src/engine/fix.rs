@@ -24,6 +24,9 @@ const CANDIDATES: usize = 4;
 /// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
 /// never more than this, because multipath changes from satellite to satellite and with time.
 const MAX_PRIOR_FREEDOM: f64 = 30.0;
+/// Code multipath is neither white nor Gaussian: the probability of the rivals, which is computed as
+/// if it were, must stay below this share of the allowed rate (measured on recordings of one band).
+const MARGIN: f64 = 0.3;
 /// Integers that beat all others by this ratio teach the phase noise, even while the noise level is
 /// too uncertain to accept them.
 const CLEAR_RATIO: f64 = 3.0;
@@ -115,7 +118,9 @@ impl Fixer {
             Ok(found) => {
                 let fit = outcome.judge(&found, float, frame, settings);
                 // The residual test may refuse just because the level is not known yet.
-                if found.rivals <= settings.max_wrong_fix_rate || found.ratio >= CLEAR_RATIO {
+                if found.rivals <= MARGIN * settings.max_wrong_fix_rate
+                    || found.ratio >= CLEAR_RATIO
+                {
                     self.phase.learn(fit, self.phase.variance_factor());
                 }
             }
@@ -272,7 +277,7 @@ impl Outcome {
             return Fit::default();
         };
         self.residual_rms_m = Some(conditional.residual_rms_m);
-        if found.rivals > settings.max_wrong_fix_rate {
+        if found.rivals > MARGIN * settings.max_wrong_fix_rate {
             self.verdict = Verdict::Float(Reason::Ratio);
             return conditional.phase_fit;
         }

@@ -62,8 +62,12 @@ pub(super) fn locate(
     for (antenna, observed) in epoch.antennas.iter().enumerate() {
         let Some(observed) = observed else { continue };
         let mut tracked = buffers.pop().unwrap_or_default();
-        let without_ephemeris =
-            point::track(observed, navigation, |band| settings.wants(band), &mut tracked);
+        let without_ephemeris = point::track(
+            observed,
+            navigation,
+            |system| settings.wants_system(system),
+            &mut tracked,
+        );
         let point = point::solve(&tracked, navigation, observed.time, &point_settings);
         let velocity = point
             .as_ref()

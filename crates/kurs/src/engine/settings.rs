@@ -2,7 +2,7 @@
 
 use crate::array::{AntennaArray, ArrayError};
 use crate::frames::{Body, Vector};
-use crate::signal::Band;
+use crate::signal::{Band, System};
 use crate::sky::NoiseModel;
 
 /// What is known of the geometry inside the integer search.
@@ -111,7 +111,13 @@ impl Settings {
         within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9..=0.5, "1e-9 to 0.5")
     }
 
-    /// Whether observations of this band are used.
+    /// Whether satellites of this system are used at all; positions take all their bands.
+    #[must_use]
+    pub fn wants_system(&self, system: System) -> bool {
+        self.bands.as_ref().is_none_or(|bands| bands.iter().any(|band| band.system == system))
+    }
+
+    /// Whether double differences of this band are formed.
     #[must_use]
     pub fn wants(&self, band: Band) -> bool {
         self.bands.as_ref().is_none_or(|bands| bands.contains(&band))

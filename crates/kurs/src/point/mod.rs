@@ -8,5 +8,5 @@ mod track;
 mod velocity;
 
 pub use position::{Exclusion, NoPosition, PointSettings, PointSolution, solve};
-pub use track::{Tracked, track};
+pub use track::{Code, Tracked, track};
 pub use velocity::{Velocity, velocity};

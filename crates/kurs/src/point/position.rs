@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::track::Tracked;
+use super::track::{Code, Tracked};
 use crate::atmosphere::{Troposphere, ionosphere_m};
 use crate::ephemeris::{IonosphereParameters, NavigationData};
 use crate::frames::{Ecef, Vector};
@@ -28,6 +28,8 @@ const CONVERGED_M: f64 = 1e-4;
 const ROUGH_M: f64 = 1e4;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
 const MAX_RADIUS_M: f64 = 2.0e7;
+/// No model knows the ionosphere better than this, m.
+const LEAST_IONOSPHERE_SD_M: f64 = 0.1;
 /// At most this many satellites are excluded as faulty.
 const MAX_EXCLUSIONS: usize = 3;
 
@@ -205,16 +207,16 @@ impl<'a> Fit<'a> {
             let system = satellite.satellite.system as usize;
             let modelled = match &surroundings {
                 Some(here) => here.model(satellite, &view, self),
-                None => Some(Modelled { delay_m: 0.0, variance_m2: 1.0 }),
+                None => Some(Modelled::rough(satellite)),
             };
-            let Some(Modelled { delay_m, variance_m2 }) = modelled else { continue };
+            let Some(Modelled { pseudorange_m, delay_m, variance_m2 }) = modelled else { continue };
             let computed_m = view.range_m + self.clocks_m[system]
                 - SPEED_OF_LIGHT_MPS * satellite.state.clock_s
                 + delay_m;
             let row = Row {
                 line_of_sight: view.line_of_sight.xyz(),
                 system,
-                misclosure_m: satellite.pseudorange_m - computed_m,
+                misclosure_m: pseudorange_m - computed_m,
                 weight: 1.0 / variance_m2,
             };
             self.rows.push((row, satellite.satellite));
@@ -332,10 +334,18 @@ struct Surroundings {
     troposphere: Troposphere,
 }
 
-/// Atmospheric delay of one observation, and the variance of its misclosure.
+/// The range that counts for one satellite, its atmospheric delay, and the variance of both.
 struct Modelled {
+    pseudorange_m: f64,
     delay_m: f64,
     variance_m2: f64,
+}
+
+impl Modelled {
+    /// While the position is not near enough for directions: as good as any other.
+    const fn rough(satellite: &Tracked) -> Self {
+        Self { pseudorange_m: satellite.code.pseudorange_m, delay_m: 0.0, variance_m2: 1.0 }
+    }
 }
 
 impl Surroundings {
@@ -352,18 +362,53 @@ impl Surroundings {
         {
             return None;
         }
-        let geodetic = &self.horizon.geodetic;
-        let ionosphere_m =
-            ionosphere_m(fit.ionosphere, geodetic, &direction, fit.time, satellite.frequency_hz);
-        let troposphere_m = self.troposphere.delay_m(direction.elevation_rad);
-        let noise = fit.settings.noise;
-        let code = noise.variances(satellite.band, direction.elevation_rad, satellite.cn0_dbhz);
-        // Klobuchar's model leaves about half of the ionosphere, a standard atmosphere some
-        // centimetres at the zenith.
-        let remaining_m2 = (0.5 * ionosphere_m).powi(2) + (0.05 * troposphere_m).powi(2);
+        let elevation_rad = direction.elevation_rad;
+        let frequency_hz = satellite.code.frequency_hz;
+        let modelled_m = ionosphere_m(
+            fit.ionosphere,
+            &self.horizon.geodetic,
+            &direction,
+            fit.time,
+            frequency_hz,
+        );
+        let (range_m, range_m2) = self.range(satellite, elevation_rad, modelled_m, fit);
+        let troposphere_m = self.troposphere.delay_m(elevation_rad);
+        // A standard atmosphere leaves some centimetres at the zenith.
+        let remaining_m2 = (0.05 * troposphere_m).powi(2) + satellite.state.sigma_m.powi(2);
         Some(Modelled {
-            delay_m: ionosphere_m + troposphere_m,
-            variance_m2: code.code_m2 + satellite.state.sigma_m.powi(2) + remaining_m2,
+            pseudorange_m: range_m,
+            delay_m: troposphere_m,
+            variance_m2: range_m2 + remaining_m2,
         })
+    }
+
+    /// Range without ionosphere from one or two code observations, and its variance:
+    ///
+    /// `P₁ = r + I + e₁`, `P₂ = r + γ I + e₂` with `γ = (f₁ / f₂)²`, and the model's `I` (m, on the
+    /// first band) as an observation that is good to its own size (its errors are alike for all
+    /// satellites, so it must not outweigh what the second band measures).
+    fn range(
+        &self,
+        satellite: &Tracked,
+        elevation_rad: f64,
+        modelled_m: f64,
+        fit: &Fit<'_>,
+    ) -> (f64, f64) {
+        let weight = |code: &Code| {
+            1.0 / fit.settings.noise.variances(code.band, elevation_rad, code.cn0_dbhz).code_m2
+        };
+        let first = &satellite.code;
+        let w1 = weight(first);
+        let w_model = modelled_m.max(LEAST_IONOSPHERE_SD_M).powi(-2);
+        let (p2, w2, gamma) = satellite.second.as_ref().map_or((0.0, 0.0, 1.0), |second| {
+            let gamma = (first.frequency_hz / second.frequency_hz).powi(2);
+            (second.pseudorange_m, weight(second), gamma)
+        });
+        // Normal equations of (r, I), solved for r
+        let (n_ri, n_ii) = (w1 + gamma * w2, w1 + gamma * gamma * w2 + w_model);
+        let determinant = (w1 + w2) * n_ii - n_ri * n_ri;
+        let b_r = w1 * first.pseudorange_m + w2 * p2;
+        let b_i = w1 * first.pseudorange_m + gamma * w2 * p2 + w_model * modelled_m;
+        ((n_ii * b_r - n_ri * b_i) / determinant, n_ii / determinant)
     }
 }

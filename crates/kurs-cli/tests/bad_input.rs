@@ -1,0 +1,230 @@
+//! Every kind of unusable input has its own message and exit status, and leaves nothing behind.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+/// A navigation file with one GPS record, and observation files of some epochs.
+struct Folder(TempDir);
+
+/// RINEX 3 observation text: one satellite, `count` epochs from `hour` o'clock.
+fn observations(hour: u32, count: u32) -> String {
+    let mut text = String::new();
+    let header = [
+        ("     3.05           OBSERVATION DATA    M", "RINEX VERSION / TYPE"),
+        ("G    2 C1C L1C", "SYS / # / OBS TYPES"),
+        ("  2024     6    24     0     0    0.0000000     GPS", "TIME OF FIRST OBS"),
+        ("", "END OF HEADER"),
+    ];
+    for (content, label) in header {
+        text += &format!("{content:<60}{label}\n");
+    }
+    for second in 0..count {
+        text += &format!("> 2024 06 24 {hour:02} 00 {second:02}.0000000  0  1\n");
+        text += "G05  22000000.000   115600000.000  \n";
+    }
+    text
+}
+
+/// RINEX 3 navigation text: GPS satellite 5, a circular orbit, on this day of June 2024.
+fn navigation(day: u32) -> String {
+    let mut text =
+        format!("{:<60}RINEX VERSION / TYPE\n", "     3.05           NAVIGATION DATA     G");
+    text += &format!("{:<60}END OF HEADER\n", "");
+    text += &format!("G05 2024 06 {day:02} 08 00 00");
+    let toe = f64::from(day - 23) * 86_400.0 + 8.0 * 3600.0;
+    let numbers = [
+        0.0, 0.0, 0.0, 10.0, 0.0, 4.5e-9, 1.0, 0.0, 0.01, 0.0, 5153.7, toe, 0.0, 1.0, 0.0, 0.96,
+        250.0, 0.5, -8e-9, 0.0, 1.0, 2320.0, 0.0, 2.0, 0.0, 0.0, 10.0, toe, 4.0,
+    ];
+    for (index, value) in numbers.iter().enumerate() {
+        if index >= 3 && (index - 3) % 4 == 0 {
+            text += "\n    ";
+        }
+        text += &format!("{:>19}", format!("{value:.12E}"));
+    }
+    text + "\n"
+}
+
+impl Folder {
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().expect("a temporary folder"));
+        folder.write("a.obs", observations(8, 5));
+        folder.write("b.obs", observations(8, 5));
+        folder.write("later.obs", observations(15, 5));
+        folder.write("good.nav", navigation(24));
+        folder.write("otherday.nav", navigation(28));
+        folder.write("empty", "");
+        folder.write("noise", (0..5000u32).map(|i| (i * 7919 % 251) as u8).collect::<Vec<_>>());
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).expect("a file");
+    }
+
+    /// Runs `solve` with these arguments, in which `{}` stands for the folder; the exit status and
+    /// what it said.
+    fn solve(&self, arguments: &[&str]) -> (i32, String) {
+        let folder = self.0.path().display().to_string();
+        let arguments = arguments.iter().map(|a| a.replace("{}", &folder));
+        let output = Command::cargo_bin("kurs")
+            .expect("the program")
+            .args(["solve", "--quiet", "--out"])
+            .arg(self.path("out"))
+            .args(arguments)
+            .output()
+            .expect("it runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!said.contains("panicked"), "{said}");
+        (output.status.code().expect("it ends by itself"), said)
+    }
+
+    /// No file of an earlier run, whole or in part.
+    fn assert_nothing_written(&self, case: &str) {
+        let left: Vec<_> = fs::read_dir(self.path("out")).into_iter().flatten().collect();
+        assert!(left.is_empty(), "{case}: {left:?}");
+    }
+}
+
+#[test]
+fn unusable_files_exit_1_and_are_named() {
+    let folder = Folder::new();
+    for (antenna, nav, expected) in [
+        ("{}/empty", "{}/good.nav", "empty: found an empty file"),
+        ("{}/noise", "{}/good.nav", "noise: found"),
+        ("{}/good.nav", "{}/good.nav", "found a RINEX navigation file"),
+        ("{}/missing.obs", "{}/good.nav", "missing.obs: No such file"),
+        ("{}", "{}/good.nav", "is a directory"),
+        ("{}/a.obs", "{}/a.obs", "found a RINEX observation file"),
+        ("{}/a.obs", "{}/empty", "empty: found an empty file"),
+        ("{}/a.obs", "{}/missing.nav", "missing.nav: No such file"),
+    ] {
+        let antenna_a = format!("A={antenna}");
+        let (status, said) =
+            folder.solve(&["--antenna", &antenna_a, "--antenna", "B={}/b.obs", "--nav", nav]);
+        assert_eq!(status, 1, "{antenna} {nav}: {said}");
+        assert!(said.contains(expected), "{antenna} {nav}: {said}");
+        assert_eq!(said.matches("No such file").count() <= 1, true, "said once: {said}");
+        folder.assert_nothing_written(antenna);
+    }
+}
+
+#[test]
+fn data_that_do_not_belong_together_exit_1_with_rows_that_say_so() {
+    let folder = Folder::new();
+    for (antenna, nav, expected, reason) in [
+        ("{}/later.obs", "{}/good.nav", "do not overlap", "few_antennas"),
+        ("{}/b.obs", "{}/otherday.nav", "of the same day?", "no_ephemeris"),
+        ("{}/b.obs", "{}/good.nav", "few_satellites", "few_satellites"),
+    ] {
+        let antenna_b = format!("B={antenna}");
+        let (status, said) =
+            folder.solve(&["--antenna", "A={}/a.obs", "--antenna", &antenna_b, "--nav", nav]);
+        assert_eq!(status, 1, "{said}");
+        assert!(said.contains(expected), "{said}");
+        let rows = fs::read_to_string(folder.path("out/attitude.csv")).expect("rows");
+        assert!(
+            rows.lines().skip(1).all(|row| row.contains(&format!(",lost,{reason},"))),
+            "{rows}"
+        );
+    }
+}
+
+#[test]
+fn an_antenna_without_any_epoch_is_not_capable() {
+    let folder = Folder::new();
+    folder.write("none.obs", observations(8, 0));
+    let (status, said) = folder.solve(&[
+        "--antenna",
+        "A={}/a.obs",
+        "--antenna",
+        "B={}/none.obs",
+        "--nav",
+        "{}/good.nav",
+    ]);
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("only one antenna has observations"), "{said}");
+    let rows = fs::read_to_string(folder.path("out/attitude.csv")).expect("rows");
+    assert_eq!(rows.matches(",not_capable,few_antennas,").count(), 5, "{rows}");
+}
+
+#[test]
+fn wrong_configuration_exits_2_and_names_the_key() {
+    let folder = Folder::new();
+    let good =
+        ["--antenna", "A={}/a.obs@0,0,0", "--antenna", "B={}/b.obs@1,0,0", "--nav", "{}/good.nav"];
+    for (more, expected) in [
+        (
+            ["--set", "elevation_mask=5"],
+            "unknown key `elevation_mask`, did you mean `elevation_mask_deg`?",
+        ),
+        (["--set", "elevation_mask_deg=high"], "--set elevation_mask_deg=high"),
+        (["--set", "elevation_mask_deg=95"], "elevation_mask_deg is 95"),
+        (["--set", "bands=[X1]"], "\"X1\" is not a band"),
+        (["--set", "bands=[]"], "`bands` is empty"),
+        (["--set", "novalue"], "--set novalue: expected key=value"),
+        (["--set", "constraint=sphere"], "--set constraint=sphere"),
+        (["--set", "ambiguity=continuous"], "not available in this version"),
+        (["--antenna", "A={}/b.obs@2,0,0"], "name `A`"),
+        (["--antenna", "C={}/b.obs"], "`position_m` is missing for C"),
+        (["--antenna", "C={}/b.obs@1,0,0"], "`B` and `C` are 0.0000 m apart"),
+        (["--antenna", "C"], "expected NAME=OBS"),
+    ] {
+        let (status, said) = folder.solve(&[&good[..], &more[..]].concat());
+        assert_eq!(status, 2, "{more:?}: {said}");
+        assert!(said.contains(expected), "{more:?}: {said}");
+        folder.assert_nothing_written(expected);
+    }
+    let (status, said) = folder.solve(&["--antenna", "A={}/a.obs", "--nav", "{}/good.nav"]);
+    assert_eq!((status, said.contains("at least two are needed")), (2, true), "{said}");
+    let (status, said) = folder.solve(&[]);
+    assert_eq!((status, said.contains("configuration file")), (2, true), "{said}");
+}
+
+#[test]
+fn a_configuration_file_names_its_lines() {
+    let folder = Folder::new();
+    let antennas = "[[antenna]]\nname = \"A\"\nobs = [\"a.obs\"]\n[[antenna]]\nname = \"B\"\nobs = [\"b.obs\"]\n";
+    for (more, expected) in [
+        (
+            "[nav]\nfile = [\"good.nav\"]\n",
+            "kurs.toml:8: unknown key `file`, did you mean `files`?",
+        ),
+        ("[nav]\nfiles = \"good.nav\"\n", "kurs.toml:8: invalid type"),
+        ("[solve\n", "kurs.toml:7:"),
+        ("", "no navigation file"),
+    ] {
+        folder.write("kurs.toml", format!("{antennas}{more}"));
+        let (status, said) = folder.solve(&["{}/kurs.toml"]);
+        assert_eq!(status, 2, "{said}");
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+    let (status, said) = folder.solve(&["{}/absent.toml"]);
+    assert_eq!((status, said.contains("absent.toml: cannot be read")), (2, true), "{said}");
+}
+
+/// A file that ends in the middle of an epoch: what stands before it is solved, and the cut listed.
+#[test]
+fn a_cut_file_keeps_what_came_before() {
+    let folder = Folder::new();
+    let whole = observations(8, 5);
+    folder.write("cut.obs", &whole[..whole.len() - 20]);
+    folder.solve(&["--antenna", "A={}/a.obs", "--antenna", "B={}/cut.obs", "--nav", "{}/good.nav"]);
+    let summary = fs::read_to_string(folder.path("out/summary.json")).expect("a summary");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["epochs"], 5);
+    let damage = summary["damage"].as_array().expect("a list");
+    assert!(
+        damage
+            .iter()
+            .any(|d| d["file"].as_str().is_some_and(|f| Path::new(f).ends_with("cut.obs"))),
+        "{damage:?}"
+    );
+}

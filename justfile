@@ -1,0 +1,30 @@
+# `just` shows the recipes; .ci/run calls the same commands.
+
+default:
+    @just --list
+
+# everything that must hold before a change lands
+check: fmt-check lint docs test
+
+fmt-check:
+    cargo fmt --all -- --check
+
+lint:
+    cargo clippy --workspace --all-targets -- -D warnings
+
+docs:
+    RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+test:
+    cargo test --release --workspace
+
+# accuracy and speed on the recordings, beside RTKLIB (Debian package rtklib)
+compare runs="5":
+    cargo build --release
+    bench/against_rtklib.sh {{runs}}
+
+bench:
+    cargo bench --workspace
+
+deny:
+    cargo deny check
