@@ -4,6 +4,7 @@
 
 #![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
 
+mod calibrate;
 mod config_file;
 mod failure;
 mod orient;
@@ -11,6 +12,7 @@ mod output;
 mod page;
 mod plan;
 mod progress;
+mod sensor_log;
 mod simulate;
 mod solve;
 mod summary;
@@ -37,6 +39,7 @@ enum Command {
     Orient(orient::Args),
     Plan(Box<plan::Args>),
     Track(track::Args),
+    Calibrate(calibrate::Args),
 }
 
 fn main() -> ExitCode {
@@ -47,6 +50,7 @@ fn main() -> ExitCode {
         Command::Orient(args) => orient::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Track(args) => track::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
     };
     failure::exit_code(result)
 }

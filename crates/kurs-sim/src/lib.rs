@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod disturbance;
+pub mod inertial;
 pub mod motion;
 pub mod noise;
 pub mod nominal_orbits;

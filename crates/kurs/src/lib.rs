@@ -51,4 +51,6 @@ pub mod prediction;
 
 pub mod fusion;
 
+pub mod calibration;
+
 pub mod trajectory;

@@ -1,0 +1,185 @@
+//! What a triad of accelerometers does to the truth: y = M a + b.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Scale, misalignment and bias of a triad, with 1 σ of each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorModel {
+    /// M: diagonal scale factors, the rest misalignment in rad.
+    pub matrix: Matrix3<f64>,
+    /// b, m/s².
+    pub bias_mps2: Vector3<f64>,
+    /// Standard deviations of M, element by element.
+    pub matrix_sd: Matrix3<f64>,
+    /// Standard deviations of b, m/s².
+    pub bias_sd_mps2: Vector3<f64>,
+}
+
+/// A resting pose: mean of its samples and noise of that mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Mean of the samples, m/s².
+    pub mean_mps2: Vector3<f64>,
+    /// Standard deviation of one sample, the largest of the three axes, m/s².
+    pub sample_sd_mps2: f64,
+    /// How many samples.
+    pub samples: usize,
+}
+
+/// Why a calibration gives no result, in words that say what to do.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CalibrationProblem {
+    /// Not every direction was measured.
+    #[error(
+        "poses are missing: {missing}; turn the sensor so that each of its axes points up once and down once, and rest a few seconds in each pose"
+    )]
+    MissingPoses {
+        /// The axes and senses.
+        missing: String,
+    },
+    /// Too few poses for the unknowns.
+    #[error(
+        "{found} resting poses, at least {needed} are needed, 12 to 24 are better; rest longer in each pose, or in more directions"
+    )]
+    TooFewPoses {
+        /// Found.
+        found: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// The poses do not determine all unknowns.
+    #[error(
+        "the poses are too much alike (condition {condition:.0}): spread them over all directions, upside down too"
+    )]
+    Alike {
+        /// Condition number of the scaled normal equations.
+        condition: f64,
+    },
+    /// The sensor moved.
+    #[error(
+        "motion in pose {pose}: its noise of {sample_sd_mps2:.3} m/s² is {ratio:.1} times that of the quiet poses; put the sensor on something firm and take this pose again"
+    )]
+    Motion {
+        /// Number of the pose, from 1.
+        pose: usize,
+        /// Noise of one sample.
+        sample_sd_mps2: f64,
+        /// Against the median of all poses.
+        ratio: f64,
+    },
+    /// The norm is that of another unit.
+    #[error(
+        "a resting accelerometer must read about {expected_mps2:.2} m/s², this one reads {found:.3}: the unit is probably {unit}; name it in the header of the file"
+    )]
+    WrongUnit {
+        /// Median norm.
+        found: f64,
+        /// Local gravity.
+        expected_mps2: f64,
+        /// The likely unit.
+        unit: &'static str,
+    },
+    /// The fit did not settle.
+    #[error(
+        "the fit did not converge ({residual_mps2:.3} m/s² left): check for motion in a pose, a saturated axis, or a wrong unit"
+    )]
+    NotConverged {
+        /// Root mean square of what is left.
+        residual_mps2: f64,
+    },
+    /// A value that is not a number.
+    #[error("a sample is not a number")]
+    NotFinite,
+}
+
+impl SensorModel {
+    /// a = M⁻¹ (y − b); `None` if M is singular.
+    #[must_use]
+    pub fn corrected(&self, reading_mps2: &Vector3<f64>) -> Option<Vector3<f64>> {
+        Some(self.matrix.try_inverse()? * (reading_mps2 - self.bias_mps2))
+    }
+
+    /// Common deviation of the three scale factors from one, where it is clearly larger than their
+    /// differences: as a wrong local gravity looks.
+    #[must_use]
+    pub fn suspected_gravity_error(&self) -> Option<f64> {
+        let scale = self.matrix.diagonal();
+        let common = scale.mean() - 1.0;
+        let spread = scale.max() - scale.min();
+        (common.abs() > 1e-3 && common.abs() > 5.0 * spread).then_some(common)
+    }
+}
+
+impl Pose {
+    /// Standard deviation of the mean, for white noise.
+    #[must_use]
+    pub fn mean_sd_mps2(&self) -> f64 {
+        self.sample_sd_mps2 / (self.samples.max(1) as f64).sqrt()
+    }
+}
+
+/// Refuses what no fit can repair: values that are not numbers, another unit, motion in a pose.
+///
+/// # Errors
+///
+/// [`CalibrationProblem`].
+pub fn check_poses(poses: &[Pose], gravity_mps2: f64) -> Result<(), CalibrationProblem> {
+    if !poses.iter().all(|pose| pose.mean_mps2.iter().all(|value| value.is_finite())) {
+        return Err(CalibrationProblem::NotFinite);
+    }
+    let norm = median(poses.iter().map(|pose| pose.mean_mps2.norm()).collect());
+    if poses.is_empty() || (0.8..1.25).contains(&(norm / gravity_mps2)) {
+        return check_motion(poses);
+    }
+    let units = [(1.0, "g"), (1000.0, "mg"), (100.0 * gravity_mps2, "cm/s²")];
+    let off = |one_g: f64| (norm / one_g - 1.0).abs();
+    let nearest = units.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
+    let likely = nearest.filter(|(one_g, _)| off(*one_g) < 0.2);
+    let unit = likely.map_or("raw counts", |(_, unit)| unit);
+    Err(CalibrationProblem::WrongUnit { found: norm, expected_mps2: gravity_mps2, unit })
+}
+
+fn check_motion(poses: &[Pose]) -> Result<(), CalibrationProblem> {
+    let usual = median(poses.iter().map(|pose| pose.sample_sd_mps2).collect());
+    for (index, pose) in poses.iter().enumerate() {
+        let ratio = pose.sample_sd_mps2 / usual;
+        if ratio > 5.0 {
+            let sample_sd_mps2 = pose.sample_sd_mps2;
+            return Err(CalibrationProblem::Motion { pose: index + 1, sample_sd_mps2, ratio });
+        }
+    }
+    Ok(())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(z: f64, sample_sd_mps2: f64) -> Pose {
+        Pose { mean_mps2: Vector3::new(0.0, 0.0, z), sample_sd_mps2, samples: 100 }
+    }
+
+    #[test]
+    fn problems_are_named() {
+        let unit = |poses: &[Pose]| match check_poses(poses, 9.8) {
+            Err(CalibrationProblem::WrongUnit { unit, .. }) => unit,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(unit(&[pose(1.0, 0.1)]), "g");
+        assert_eq!(unit(&[pose(-1003.0, 0.1)]), "mg");
+        assert_eq!(unit(&[pose(982.0, 0.1)]), "cm/s²");
+        assert_eq!(unit(&[pose(16384.0, 0.1)]), "raw counts");
+        let moved = [pose(9.8, 0.02), pose(-9.8, 0.02), pose(9.8, 0.5), pose(9.8, 0.02)];
+        assert!(matches!(
+            check_poses(&moved, 9.8),
+            Err(CalibrationProblem::Motion { pose: 3, .. })
+        ));
+        assert_eq!(check_poses(&[pose(f64::NAN, 0.1)], 9.8), Err(CalibrationProblem::NotFinite));
+        assert_eq!(check_poses(&moved[..2], 9.8), Ok(()));
+    }
+}
