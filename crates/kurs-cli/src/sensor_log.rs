@@ -44,8 +44,11 @@ impl SensorLog {
         let Some(time) = columns.iter().position(|column| *column == "time_s") else {
             bail!("{name}:1: no column `time_s`; found: {}", columns.join(", "));
         };
-        let accelerometer =
-            triple(&columns, 'a', &[("mps2", 1.0), ("g", STANDARD_GRAVITY_MPS2), ("mg", STANDARD_GRAVITY_MPS2 * 1e-3)]);
+        let accelerometer = triple(
+            &columns,
+            'a',
+            &[("mps2", 1.0), ("g", STANDARD_GRAVITY_MPS2), ("mg", STANDARD_GRAVITY_MPS2 * 1e-3)],
+        );
         let gyro = triple(&columns, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]);
         if accelerometer.is_none() && gyro.is_none() {
             bail!(

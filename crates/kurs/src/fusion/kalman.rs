@@ -185,20 +185,26 @@ impl Estimate {
         // What the measurements before this one already corrected is no longer in the innovation.
         let remaining = innovation - dot(gradient, self.correction.as_slice());
         self.correction.axpy(remaining, &self.gain, 1.0);
-        // B = P − K (h P);  P ← B − (B hᵀ) Kᵀ + N K Kᵀ
-        self.covariance.ger(-1.0, &self.gain, &self.projection, 1.0);
-        self.project(gradient);
-        self.projection.axpy(-variance, &self.gain, 1.0);
-        self.covariance.ger(-1.0, &self.projection, &self.gain, 1.0);
+        // (I − K h) P (I − K h)ᵀ + K N Kᵀ = P − K pᵀ − (p − K S) Kᵀ,  p = P hᵀ
+        let (gain, projection) = (self.gain.as_slice(), self.projection.as_slice());
+        let columns = self.covariance.as_mut_slice().chunks_exact_mut(gain.len());
+        for ((column, p), k) in columns.zip(projection).zip(gain) {
+            for ((value, row_gain), row_p) in column.iter_mut().zip(gain).zip(projection) {
+                *value -= row_gain * p + (row_p - row_gain * s) * k;
+            }
+        }
         remaining * remaining / s
     }
 
     /// projection ← P hᵀ, with the zeros of h skipped.
     fn project(&mut self, gradient: &[f64]) {
         self.projection.fill(0.0);
-        for (state, weight) in gradient.iter().enumerate() {
+        let columns = self.covariance.as_slice().chunks_exact(gradient.len());
+        for (column, weight) in columns.zip(gradient) {
             if *weight != 0.0 {
-                self.projection.axpy(*weight, &self.covariance.column(state), 1.0);
+                for (sum, value) in self.projection.as_mut_slice().iter_mut().zip(column) {
+                    *sum += weight * value;
+                }
             }
         }
     }
