@@ -20,6 +20,7 @@ pub struct RestSettings {
 impl RestSettings {
     /// Windows of half a second, rests of two seconds, three times the quietest scatter.
     #[must_use]
+    #[allow(clippy::cast_possible_truncation)] // between 2 and a million
     pub fn for_step(step_s: f64) -> Self {
         let samples = |seconds: f64| ((seconds / step_s).clamp(2.0, 1e6)) as usize;
         Self { window: samples(0.5), shortest: samples(2.0), factor: 3.0 }
@@ -41,7 +42,8 @@ pub fn find(samples: &[Vector3<f64>], settings: &RestSettings) -> Vec<Range<usiz
     let mut rests: Vec<Range<usize>> = Vec::new();
     for (k, one) in windows.iter().enumerate() {
         let range = k * window..(k + 1) * window;
-        if !(one.sample_sd_mps2 <= limit) {
+        // A scatter that is not a number is no rest.
+        if one.sample_sd_mps2.is_nan() || one.sample_sd_mps2 > limit {
             continue;
         }
         let continues = rests.last().is_some_and(|rest| {
