@@ -9,8 +9,13 @@ use plotly::Plot;
 
 use crate::output::OutputFile;
 
+/// Readable on a phone; on paper no plot is cut by the end of a page.
 const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
-    table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}";
+    table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}\
+    td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}\
+    pre{background:#f4f4f4;padding:.7em;overflow-x:auto;font-size:.85em}\
+    .plot{height:22em}.plot.square{height:34em;max-width:36em}\
+    @media print{.plot,.plot.square{break-inside:avoid}h2{break-after:avoid}}";
 
 /// A page in the making.
 #[derive(Debug)]
@@ -51,12 +56,25 @@ impl Page {
         self.body.push_str("</table>\n");
     }
 
-    /// A plot.
+    /// Text as it stands, with its line breaks.
+    pub(crate) fn verbatim(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<pre>{}</pre>", escape(text));
+    }
+
+    /// A plot over the whole width.
     pub(crate) fn plot(&mut self, plot: &Plot) {
+        self.place(plot, "plot");
+    }
+
+    /// A plot as high as it is wide.
+    pub(crate) fn square_plot(&mut self, plot: &Plot) {
+        self.place(plot, "plot square");
+    }
+
+    fn place(&mut self, plot: &Plot, class: &str) {
         self.plots += 1;
-        let name = format!("plot-{}", self.plots);
-        self.body.push_str(&plot.to_inline_html(Some(&name)));
-        self.body.push('\n');
+        let inline = plot.to_inline_html(Some(&format!("plot-{}", self.plots)));
+        let _ = writeln!(self.body, "<div class=\"{class}\">{inline}</div>");
     }
 
     /// Writes the page as `directory/name`.
@@ -64,14 +82,23 @@ impl Page {
         let mut file = OutputFile::create(directory, name)?;
         write!(
             file,
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title>\
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title>\
              <style>{STYLE}</style>{}</head><body>\n{}</body></html>\n",
             self.title,
-            if self.plots > 0 { Plot::offline_js_sources() } else { String::new() },
+            if self.plots > 0 { plotting_script() } else { String::new() },
             self.body
         )?;
         file.finish()
     }
+}
+
+/// The plotting library; the script for formulas that comes behind it is left out (2 MB).
+fn plotting_script() -> String {
+    const END: &str = "</script>";
+    let sources = Plot::offline_js_sources();
+    let end = sources.find(END).map_or(sources.len(), |start| start + END.len());
+    sources[..end].to_owned()
 }
 
 /// Text that cannot be taken for markup.

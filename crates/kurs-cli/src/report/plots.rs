@@ -1,0 +1,275 @@
+//! The plots of the report, in colours that colour-blind readers tell apart (Okabe and Ito, 2008).
+
+use core::f64::consts::FRAC_PI_2;
+
+use kurs::ephemeris::{Ephemeris, EphemerisStore};
+use kurs::frames::{Ecef, Vector};
+use kurs::signal::{Satellite, System};
+use kurs::sky::Horizon;
+use kurs::solution::Status;
+use kurs::time::GpsTime;
+use plotly::common::{Fill, Line, Marker, Mode, Title};
+use plotly::layout::{Axis, Legend, Margin};
+use plotly::{Configuration, Layout, Plot, Scatter};
+
+use super::Sample;
+use crate::truth::difference_deg;
+
+const BLUE: &str = "#0072B2";
+const ORANGE: &str = "#E69F00";
+const GREEN: &str = "#009E73";
+const VERMILION: &str = "#D55E00";
+const GREY: &str = "#888888";
+const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
+const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
+/// Times at which the sky is drawn.
+const SKY_INSTANTS: usize = 60;
+
+/// Values over time; gaps where there are none.
+type Curve = Vec<Option<f64>>;
+
+/// An angle with its bands of one and three standard deviations, and the truth where known.
+pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
+    let mut plot = over_time(&format!("{name}, degrees"));
+    let angle = |sample: &Sample, sigmas: f64| {
+        sample.angles_deg[k].map(|angle| angle + sigmas * sample.sd_deg[k])
+    };
+    add_bands(&mut plot, samples, angle);
+    if samples.iter().any(|sample| sample.truth_deg.is_some()) {
+        let truth = curve(samples, |sample| sample.truth_deg.map(|angles| angles[k]));
+        add_line(&mut plot, samples, broken_at_jumps(truth), "truth", VERMILION);
+    }
+    let angles = broken_at_jumps(curve(samples, |sample| sample.angles_deg[k]));
+    add_line(&mut plot, samples, angles, "solution", BLUE);
+    plot
+}
+
+/// The error of an angle inside the bands that it claims.
+pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
+    let mut plot = over_time(&format!("{name} error, degrees"));
+    let band = |sample: &Sample, sigmas: f64| {
+        sample.angles_deg[k].map(|_| sigmas * sample.sd_deg[k])
+    };
+    add_bands(&mut plot, samples, band);
+    let error = |sample: &Sample| {
+        Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]))
+    };
+    add_line(&mut plot, samples, curve(samples, error), "solution minus truth", BLUE);
+    plot
+}
+
+/// A row for every status and reason that occurs.
+pub(super) fn status(samples: &[Sample]) -> Plot {
+    let label = |sample: &Sample| match sample.reason {
+        "" => sample.status.word().to_owned(),
+        reason => format!("{}: {reason}", sample.status.word()),
+    };
+    let mut plot = over_time("");
+    for status in Status::ALL {
+        let of_status: Vec<&Sample> = samples.iter().filter(|s| s.status == status).collect();
+        if of_status.is_empty() {
+            continue;
+        }
+        let colour = match status {
+            Status::Fixed => GREEN,
+            Status::Float => ORANGE,
+            Status::Lost | Status::NotCapable => GREY,
+            Status::Inconsistent => VERMILION,
+        };
+        let times: Vec<f64> = of_status.iter().map(|s| s.elapsed_s).collect();
+        let labels: Vec<String> = of_status.iter().map(|s| label(s)).collect();
+        let marker = Marker::new().color(colour).size(5);
+        plot.add_trace(Scatter::new(times, labels).mode(Mode::Markers).marker(marker).name(status.word()));
+    }
+    plot
+}
+
+/// The length of a baseline, and the length it should have.
+pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f64>) -> Plot {
+    let mut plot = over_time(&format!("{name}, m"));
+    let marker = Marker::new().color(BLUE).size(3);
+    let lengths = curve(samples, |sample| sample.lengths_m.get(k).copied().flatten());
+    plot.add_trace(Scatter::new(times(samples), lengths).mode(Mode::Markers).marker(marker).name("solution"));
+    if let Some(known_m) = known_m {
+        add_line(&mut plot, samples, vec![Some(known_m); samples.len()], "known", VERMILION);
+    }
+    plot
+}
+
+/// RMS of the double-differenced phase residuals.
+pub(super) fn residuals(samples: &[Sample]) -> Plot {
+    let mut plot = over_time("RMS, mm");
+    let rms = curve(samples, |sample| sample.residual_rms_m.map(|rms| rms * 1e3));
+    add_line(&mut plot, samples, rms, "phase residuals", BLUE);
+    plot
+}
+
+/// How many satellites take part.
+pub(super) fn satellites(samples: &[Sample]) -> Plot {
+    let mut plot = over_time("satellites");
+    let count = curve(samples, |sample| Some(sample.satellites as f64));
+    add_line(&mut plot, samples, count, "satellites", BLUE);
+    plot
+}
+
+/// How sure the integers are before the fact.
+pub(super) fn success_rate(samples: &[Sample]) -> Plot {
+    let mut plot = over_time("success rate");
+    let rate = curve(samples, |sample| sample.success_rate);
+    add_line(&mut plot, samples, rate, "predicted success rate", BLUE);
+    plot
+}
+
+/// Paths of the satellites above the horizon: zenith in the middle, north up.
+pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
+    let mut plot = square("", "");
+    for elevation_deg in [0.0, 30.0, 60.0] {
+        let circle: Vec<(f64, f64)> =
+            (0..=72).map(|k| on_disc(f64::from(k) * 5f64.to_radians(), f64::to_radians(elevation_deg))).collect();
+        let (x, y): (Vec<f64>, Vec<f64>) = circle.into_iter().unzip();
+        let line = Line::new().color("#cccccc").width(1.0);
+        let name = format!("{elevation_deg}°");
+        plot.add_trace(Scatter::new(x, y).mode(Mode::Lines).line(line).name(name).show_legend(false));
+    }
+    let places: Vec<(GpsTime, Vector<Ecef>)> = {
+        let step = samples.len().div_ceil(SKY_INSTANTS).max(1);
+        let chosen = samples.iter().step_by(step);
+        chosen.filter_map(|s| Some((s.time, s.position?.1))).collect()
+    };
+    let mut known: Vec<Satellite> = ephemerides.iter().map(Ephemeris::satellite).collect();
+    known.dedup();
+    for system in System::ALL {
+        let (mut x, mut y, mut names) = (Vec::new(), Vec::new(), Vec::new());
+        for satellite in known.iter().filter(|satellite| satellite.system == system) {
+            for (time, place_m) in &places {
+                let Ok(state) = ephemerides.state(*satellite, *time) else { continue };
+                let line_of_sight = (state.position_m - *place_m).direction();
+                let direction = Horizon::at(*place_m).direction(line_of_sight);
+                if direction.elevation_rad > 0.0 {
+                    let (east, north) = on_disc(direction.azimuth_rad, direction.elevation_rad);
+                    (x.push(east), y.push(north), names.push(satellite.to_string()));
+                }
+            }
+        }
+        if !x.is_empty() {
+            let marker = Marker::new().color(colour_of(system)).size(5);
+            plot.add_trace(
+                Scatter::new(x, y)
+                    .mode(Mode::Markers)
+                    .marker(marker)
+                    .name(system.to_string())
+                    .hover_text_array(names),
+            );
+        }
+    }
+    plot
+}
+
+/// The way in metres from the first place.
+pub(super) fn track(samples: &[Sample]) -> Plot {
+    let mut plot = square("east, m", "north, m");
+    let mut places = samples.iter().filter_map(|sample| sample.position);
+    if let Some((first, first_m)) = places.next() {
+        let ned_from_ecef = first.ned_from_ecef();
+        let level = |place_m: Vector<Ecef>| (ned_from_ecef * (place_m - first_m)).xyz();
+        let (east, north): (Vec<f64>, Vec<f64>) =
+            places.map(|(_, place_m)| (level(place_m).y, level(place_m).x)).unzip();
+        let marker = Marker::new().color(BLUE).size(3);
+        plot.add_trace(Scatter::new(east, north).mode(Mode::Markers).marker(marker).name("position"));
+    }
+    plot
+}
+
+const fn colour_of(system: System) -> &'static str {
+    match system {
+        System::Gps => BLUE,
+        System::Galileo => ORANGE,
+        System::BeiDou => VERMILION,
+        System::Glonass => GREEN,
+        System::Qzss => "#CC79A7",
+        System::NavIc => "#56B4E9",
+        System::Sbas => GREY,
+    }
+}
+
+/// East and north on a disc whose radius is the zenith distance over 90°.
+fn on_disc(azimuth_rad: f64, elevation_rad: f64) -> (f64, f64) {
+    let radius = 1.0 - elevation_rad / FRAC_PI_2;
+    (radius * azimuth_rad.sin(), radius * azimuth_rad.cos())
+}
+
+fn times(samples: &[Sample]) -> Vec<f64> {
+    samples.iter().map(|sample| (sample.elapsed_s * 1e3).round() / 1e3).collect()
+}
+
+/// Values rounded to what a plot can show: the page stays small.
+fn curve(samples: &[Sample], value: impl Fn(&Sample) -> Option<f64>) -> Curve {
+    samples.iter().map(|sample| value(sample).map(|v| (v * 1e4).round() / 1e4)).collect()
+}
+
+/// A gap where a heading goes through north, so that no line crosses the plot.
+fn broken_at_jumps(mut angles: Curve) -> Curve {
+    for k in 1..angles.len() {
+        if let (Some(before), Some(now)) = (angles[k - 1], angles[k])
+            && (now - before).abs() > 180.0
+        {
+            angles[k] = None;
+        }
+    }
+    angles
+}
+
+/// Bands of one and three standard deviations around `value(sample, 0)`.
+fn add_bands(plot: &mut Plot, samples: &[Sample], value: impl Fn(&Sample, f64) -> Option<f64>) {
+    for (sigmas, colour) in [(3.0, THREE_SIGMA), (1.0, ONE_SIGMA)] {
+        let edge = |sigmas: f64| broken_at_jumps(curve(samples, |sample| value(sample, sigmas)));
+        let none = || Line::new().width(0.0).color(colour);
+        plot.add_trace(
+            Scatter::new(times(samples), edge(-sigmas))
+                .mode(Mode::Lines)
+                .line(none())
+                .show_legend(false)
+                .name(""),
+        );
+        plot.add_trace(
+            Scatter::new(times(samples), edge(sigmas))
+                .mode(Mode::Lines)
+                .line(none())
+                .fill(Fill::ToNextY)
+                .fill_color(colour)
+                .name(format!("{sigmas} sigma")),
+        );
+    }
+}
+
+fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colour: &'static str) {
+    let line = Line::new().color(colour).width(1.5);
+    let trace = Scatter::new(times(samples), values).mode(Mode::Lines).line(line).name(name);
+    plot.add_trace(trace.connect_gaps(false));
+}
+
+fn over_time(title: &str) -> Plot {
+    with_layout(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("time, s")))
+            .y_axis(Axis::new().title(Title::with_text(title)).auto_margin(true)),
+    )
+}
+
+fn square(x: &str, y: &str) -> Plot {
+    with_layout(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text(x)).scale_anchor("y"))
+            .y_axis(Axis::new().title(Title::with_text(y)).auto_margin(true)),
+    )
+}
+
+fn with_layout(layout: Layout) -> Plot {
+    let mut plot = Plot::new();
+    let legend = Legend::new().orientation(plotly::common::Orientation::Horizontal).y(1.12);
+    plot.set_layout(
+        layout.legend(legend).margin(Margin::new().left(55).right(15).top(30).bottom(45)),
+    );
+    plot.set_configuration(Configuration::new().responsive(true).display_logo(false));
+    plot
+}
