@@ -18,7 +18,8 @@ pub(crate) struct Args {
 
 /// Runs the command: what a user would do by hand.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    simulate::run(&simulate::Args::new("car".into(), args.out.clone()))?;
-    let configuration = args.out.join("kurs.toml");
-    solve::run(&solve::Args::of_demo(configuration, args.out.join("truth.csv"), args.out.clone(), args.quiet))
+    let Args { out, quiet } = args;
+    simulate::run(&simulate::Args::built_in("car", out.clone(), *quiet))?;
+    let (configuration, truth) = (out.join("kurs.toml"), out.join("truth.csv"));
+    solve::run(&solve::Args::of_simulation(configuration, truth, out.clone(), *quiet))
 }

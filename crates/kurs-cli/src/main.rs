@@ -6,6 +6,7 @@
 
 mod calibrate;
 mod config_file;
+mod demo;
 mod failure;
 mod orient;
 mod output;
@@ -13,12 +14,14 @@ mod page;
 mod plan;
 mod progress;
 mod sensor_log;
+mod report;
 mod simulate;
 mod solve;
 mod summary;
 mod table;
 mod tables;
 mod track;
+mod truth;
 
 use std::process::ExitCode;
 
@@ -36,6 +39,7 @@ struct Cli {
 enum Command {
     Solve(Box<solve::Args>),
     Simulate(simulate::Args),
+    Demo(demo::Args),
     Orient(orient::Args),
     Plan(Box<plan::Args>),
     Track(track::Args),
@@ -47,6 +51,7 @@ fn main() -> ExitCode {
     let result: anyhow::Result<ExitCode> = match cli.command {
         Command::Solve(args) => solve::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Orient(args) => orient::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Track(args) => track::run(&args),

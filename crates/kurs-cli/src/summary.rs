@@ -171,6 +171,23 @@ impl Summary {
         }
     }
 
+    /// Names and values for the top of the report.
+    pub(crate) fn headline(&self) -> Vec<[String; 2]> {
+        let mut rows = vec![["epochs".to_owned(), self.epochs.to_string()]];
+        for status in Status::ALL {
+            if self.count(status) > 0 {
+                rows.push([status.word().to_owned(), self.count(status).to_string()]);
+            }
+        }
+        if let Some(rate) = self.fix_rate() {
+            rows.push(["fix rate".to_owned(), format!("{:.2} %", 100.0 * rate)]);
+        }
+        for (name, m) in &self.moments {
+            rows.push([name.clone(), format!("mean {:.4}, std {:.4}", m.mean(name), m.std())]);
+        }
+        rows
+    }
+
     /// The few lines a user wants to see at the end.
     pub(crate) fn text(&self) -> String {
         let mut lines = vec![format!(

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::Context;
 use kurs::solution::{EpochSolution, Status};
 use kurs::time::GpsTime;
-use nalgebra::{Vector3, vector};
+use nalgebra::Vector3;
 
 /// Names of the three angles in the columns of `truth.csv`.
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
@@ -48,9 +48,10 @@ impl Truth {
         let mut reader = csv::Reader::from_reader(file);
         let header = reader.headers().with_context(context)?.clone();
         let column = |name: &str| {
-            header.iter().position(|found| found == name).with_context(|| {
-                format!("{}: no column {name}", path.display())
-            })
+            header
+                .iter()
+                .position(|found| found == name)
+                .with_context(|| format!("{}: no column {name}", path.display()))
         };
         let times = [column("gps_week")?, column("tow_s")?];
         let angles = [column(ANGLES[0])?, column(ANGLES[1])?, column(ANGLES[2])?];
@@ -66,11 +67,14 @@ impl Truth {
                 let text = record.get(column).unwrap_or_default();
                 text.parse().with_context(|| format!("{}: {text:?}", path.display()))
             };
-            let week: i32 = record.get(times[0]).unwrap_or_default().parse().with_context(context)?;
+            let week: i32 =
+                record.get(times[0]).unwrap_or_default().parse().with_context(context)?;
             let time = GpsTime::from_week_tow(week, number(times[1])?).with_context(context)?;
             let angles_deg = [number(angles[0])?, number(angles[1])?, number(angles[2])?];
-            let baselines_m: anyhow::Result<Vec<_>> =
-                baselines.iter().map(|[e, n, u]| Ok(vector![number(*e)?, number(*n)?, number(*u)?])).collect();
+            let baselines_m: anyhow::Result<Vec<_>> = baselines
+                .iter()
+                .map(|[e, n, u]| Ok(Vector3::new(number(*e)?, number(*n)?, number(*u)?)))
+                .collect();
             rows.insert(time, TruthRow { angles_deg, baselines_m: baselines_m? });
         }
         Ok(Self(rows))
@@ -110,7 +114,8 @@ impl Agreement {
             ["fixed".to_owned(), self.fixed.to_string()],
             ["wrong".to_owned(), self.wrong.to_string()],
         ];
-        for (name, (count, squares, normalised)) in ["heading", "pitch", "roll"].iter().zip(self.angles)
+        for (name, (count, squares, normalised)) in
+            ["heading", "pitch", "roll"].iter().zip(self.angles)
         {
             if count > 0 {
                 let (rms_deg, ratio) = ((squares / count as f64).sqrt(), normalised / count as f64);
@@ -157,7 +162,8 @@ mod tests {
 
     #[test]
     fn a_baseline_a_wavelength_off_is_wrong() {
-        let truth = TruthRow { angles_deg: [0.0; 3], baselines_m: vec![vector![1.0, 0.0, 0.0]] };
+        let truth =
+            TruthRow { angles_deg: [0.0; 3], baselines_m: vec![Vector3::new(1.0, 0.0, 0.0)] };
         let mut row = EpochSolution::lost(GpsTime::default(), Reason::Ratio);
         let with = |east_m: f64, sd_m: f64| BaselineEstimate {
             base: 0,
@@ -166,7 +172,9 @@ mod tests {
             baseline_m: Vector::new(east_m, 0.0, 0.0),
             covariance_m2: Matrix3::identity() * sd_m * sd_m,
         };
-        for (east_m, sd_m, wrong) in [(1.01, 0.003, false), (1.06, 0.003, true), (1.06, 0.02, false)] {
+        for (east_m, sd_m, wrong) in
+            [(1.01, 0.003, false), (1.06, 0.003, true), (1.06, 0.02, false)]
+        {
             row.baselines = vec![with(east_m, sd_m)];
             assert_eq!(is_wrong(&row, &truth), wrong, "{east_m} {sd_m}");
         }

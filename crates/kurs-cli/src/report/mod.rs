@@ -99,7 +99,9 @@ impl Report {
         let samples = self.samples.all();
         let mut page = Page::new("Kurs: heading, pitch and roll");
         if let Some(first) = self.first {
-            page.paragraph(&format!("First epoch {first} GPST; time in the plots is counted from it."));
+            page.paragraph(&format!(
+                "First epoch {first} GPST; time in the plots is counted from it."
+            ));
         }
         page.table(&["", ""], &words.headline.iter().map(|row| row.to_vec()).collect::<Vec<_>>());
         if self.samples.kept_every() > 1 {
@@ -123,7 +125,12 @@ impl Report {
         page.heading("Lengths of the baselines");
         for (k, name) in self.antennas.iter().skip(1).enumerate() {
             let known_m = self.known_lengths_m.get(k).copied().flatten();
-            page.plot(&plots::length(samples, k, &format!("{} to {name}", self.antennas[0]), known_m));
+            page.plot(&plots::length(
+                samples,
+                k,
+                &format!("{} to {name}", self.antennas[0]),
+                known_m,
+            ));
         }
         page.heading("Phase residuals");
         page.plot(&plots::residuals(samples));

@@ -31,15 +31,12 @@ type Curve = Vec<Option<f64>>;
 /// An angle with its bands of one and three standard deviations, and the truth where known.
 pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
     let mut plot = over_time(&format!("{name}, degrees"));
-    let angle = |sample: &Sample, sigmas: f64| {
-        sample.angles_deg[k].map(|angle| angle + sigmas * sample.sd_deg[k])
-    };
-    add_bands(&mut plot, samples, angle);
+    let angles = continued(curve(samples, |sample| sample.angles_deg[k]));
+    add_bands(&mut plot, samples, k, &angles);
     if samples.iter().any(|sample| sample.truth_deg.is_some()) {
         let truth = curve(samples, |sample| sample.truth_deg.map(|angles| angles[k]));
-        add_line(&mut plot, samples, broken_at_jumps(truth), "truth", VERMILION);
+        add_line(&mut plot, samples, continued(truth), "truth", VERMILION);
     }
-    let angles = broken_at_jumps(curve(samples, |sample| sample.angles_deg[k]));
     add_line(&mut plot, samples, angles, "solution", BLUE);
     plot
 }
@@ -47,13 +44,9 @@ pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
 /// The error of an angle inside the bands that it claims.
 pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
     let mut plot = over_time(&format!("{name} error, degrees"));
-    let band = |sample: &Sample, sigmas: f64| {
-        sample.angles_deg[k].map(|_| sigmas * sample.sd_deg[k])
-    };
-    add_bands(&mut plot, samples, band);
-    let error = |sample: &Sample| {
-        Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]))
-    };
+    let zero = curve(samples, |sample| sample.angles_deg[k].map(|_| 0.0));
+    add_bands(&mut plot, samples, k, &zero);
+    let error = |sample: &Sample| Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]));
     add_line(&mut plot, samples, curve(samples, error), "solution minus truth", BLUE);
     plot
 }
@@ -79,7 +72,9 @@ pub(super) fn status(samples: &[Sample]) -> Plot {
         let times: Vec<f64> = of_status.iter().map(|s| s.elapsed_s).collect();
         let labels: Vec<String> = of_status.iter().map(|s| label(s)).collect();
         let marker = Marker::new().color(colour).size(5);
-        plot.add_trace(Scatter::new(times, labels).mode(Mode::Markers).marker(marker).name(status.word()));
+        plot.add_trace(
+            Scatter::new(times, labels).mode(Mode::Markers).marker(marker).name(status.word()),
+        );
     }
     plot
 }
@@ -89,7 +84,9 @@ pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f
     let mut plot = over_time(&format!("{name}, m"));
     let marker = Marker::new().color(BLUE).size(3);
     let lengths = curve(samples, |sample| sample.lengths_m.get(k).copied().flatten());
-    plot.add_trace(Scatter::new(times(samples), lengths).mode(Mode::Markers).marker(marker).name("solution"));
+    plot.add_trace(
+        Scatter::new(times(samples), lengths).mode(Mode::Markers).marker(marker).name("solution"),
+    );
     if let Some(known_m) = known_m {
         add_line(&mut plot, samples, vec![Some(known_m); samples.len()], "known", VERMILION);
     }
@@ -124,12 +121,15 @@ pub(super) fn success_rate(samples: &[Sample]) -> Plot {
 pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
     let mut plot = square("", "");
     for elevation_deg in [0.0, 30.0, 60.0] {
-        let circle: Vec<(f64, f64)> =
-            (0..=72).map(|k| on_disc(f64::from(k) * 5f64.to_radians(), f64::to_radians(elevation_deg))).collect();
+        let circle: Vec<(f64, f64)> = (0..=72)
+            .map(|k| on_disc(f64::from(k) * 5f64.to_radians(), f64::to_radians(elevation_deg)))
+            .collect();
         let (x, y): (Vec<f64>, Vec<f64>) = circle.into_iter().unzip();
         let line = Line::new().color("#cccccc").width(1.0);
         let name = format!("{elevation_deg}°");
-        plot.add_trace(Scatter::new(x, y).mode(Mode::Lines).line(line).name(name).show_legend(false));
+        plot.add_trace(
+            Scatter::new(x, y).mode(Mode::Lines).line(line).name(name).show_legend(false),
+        );
     }
     let places: Vec<(GpsTime, Vector<Ecef>)> = {
         let step = samples.len().div_ceil(SKY_INSTANTS).max(1);
@@ -175,7 +175,9 @@ pub(super) fn track(samples: &[Sample]) -> Plot {
         let (east, north): (Vec<f64>, Vec<f64>) =
             places.map(|(_, place_m)| (level(place_m).y, level(place_m).x)).unzip();
         let marker = Marker::new().color(BLUE).size(3);
-        plot.add_trace(Scatter::new(east, north).mode(Mode::Markers).marker(marker).name("position"));
+        plot.add_trace(
+            Scatter::new(east, north).mode(Mode::Markers).marker(marker).name("position"),
+        );
     }
     plot
 }
@@ -199,46 +201,44 @@ fn on_disc(azimuth_rad: f64, elevation_rad: f64) -> (f64, f64) {
 }
 
 fn times(samples: &[Sample]) -> Vec<f64> {
-    samples.iter().map(|sample| (sample.elapsed_s * 1e3).round() / 1e3).collect()
+    samples.iter().map(|sample| rounded(sample.elapsed_s)).collect()
 }
 
 /// Values rounded to what a plot can show: the page stays small.
 fn curve(samples: &[Sample], value: impl Fn(&Sample) -> Option<f64>) -> Curve {
-    samples.iter().map(|sample| value(sample).map(|v| (v * 1e4).round() / 1e4)).collect()
+    samples.iter().map(|sample| value(sample).map(rounded)).collect()
 }
 
-/// A gap where a heading goes through north, so that no line crosses the plot.
-fn broken_at_jumps(mut angles: Curve) -> Curve {
-    for k in 1..angles.len() {
-        if let (Some(before), Some(now)) = (angles[k - 1], angles[k])
-            && (now - before).abs() > 180.0
-        {
-            angles[k] = None;
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
+}
+
+/// Headings continued through north, beyond 360° or below 0°, so that no line crosses the plot.
+fn continued(mut angles: Curve) -> Curve {
+    let mut last = None;
+    for angle in angles.iter_mut().flatten() {
+        if let Some(before) = last {
+            *angle = before + difference_deg(*angle, before);
         }
+        last = Some(*angle);
     }
     angles
 }
 
-/// Bands of one and three standard deviations around `value(sample, 0)`.
-fn add_bands(plot: &mut Plot, samples: &[Sample], value: impl Fn(&Sample, f64) -> Option<f64>) {
-    for (sigmas, colour) in [(3.0, THREE_SIGMA), (1.0, ONE_SIGMA)] {
-        let edge = |sigmas: f64| broken_at_jumps(curve(samples, |sample| value(sample, sigmas)));
+/// Bands of one and three standard deviations of angle `k` around its values.
+fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
+    let known =
+        || samples.iter().zip(angles).filter_map(|(sample, angle)| Some((sample, (*angle)?)));
+    let known_times: Vec<f64> = known().map(|(sample, _)| rounded(sample.elapsed_s)).collect();
+    for (sigmas, name, colour) in [(3.0, "3 sigma", THREE_SIGMA), (1.0, "1 sigma", ONE_SIGMA)] {
+        let edge = |sigmas: f64| -> Vec<f64> {
+            known().map(|(sample, angle)| rounded(angle + sigmas * sample.sd_deg[k])).collect()
+        };
+        let lower = Scatter::new(known_times.clone(), edge(-sigmas)).show_legend(false);
+        let upper = Scatter::new(known_times.clone(), edge(sigmas)).name(name);
         let none = || Line::new().width(0.0).color(colour);
-        plot.add_trace(
-            Scatter::new(times(samples), edge(-sigmas))
-                .mode(Mode::Lines)
-                .line(none())
-                .show_legend(false)
-                .name(""),
-        );
-        plot.add_trace(
-            Scatter::new(times(samples), edge(sigmas))
-                .mode(Mode::Lines)
-                .line(none())
-                .fill(Fill::ToNextY)
-                .fill_color(colour)
-                .name(format!("{sigmas} sigma")),
-        );
+        plot.add_trace(lower.mode(Mode::Lines).line(none()));
+        plot.add_trace(upper.mode(Mode::Lines).line(none()).fill(Fill::ToNextY).fill_color(colour));
     }
 }
 

@@ -85,7 +85,8 @@ mod tests {
         let all = thinned.all();
         assert!((MOST / 2..=MOST).contains(&all.len()), "{}", all.len());
         assert_eq!(thinned.kept_every(), 16);
-        let lost: Vec<f64> = all.iter().filter(|s| s.status == Status::Lost).map(|s| s.elapsed_s).collect();
+        let lost: Vec<f64> =
+            all.iter().filter(|s| s.status == Status::Lost).map(|s| s.elapsed_s).collect();
         assert_eq!(lost, [1234.5]);
         assert!(all.windows(2).all(|pair| pair[0].elapsed_s < pair[1].elapsed_s));
     }

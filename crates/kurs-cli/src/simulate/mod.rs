@@ -16,7 +16,7 @@ use crate::output::OutputFile;
 use crate::progress::Progress;
 use truth_tables::{AmbiguityTable, TruthTable};
 
-pub(crate) use scenario_file::load;
+use scenario_file::load;
 
 /// Name of the navigation file.
 const NAVIGATION: &str = "nav.rnx";
@@ -33,6 +33,13 @@ pub(crate) struct Args {
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
+}
+
+impl Args {
+    /// Simulates a built-in scenario.
+    pub(crate) fn built_in(name: &str, out: PathBuf, quiet: bool) -> Self {
+        Self { scenario: name.into(), out, quiet }
+    }
 }
 
 /// Runs the command.

@@ -2,6 +2,7 @@
 
 mod config;
 mod nmea;
+mod review;
 mod streams;
 
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use crate::table::TableFormat;
 use crate::tables::Tables;
 use config::{Loaded, Overrides};
 use nmea::NmeaLog;
+use review::Review;
 use streams::Streams;
 
 /// Attitude, baselines and position from observation and navigation files.
@@ -44,12 +46,41 @@ pub(crate) struct Args {
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<Format>,
+    /// Writes report.html: plots of the whole run on one page that needs no network.
+    #[arg(long)]
+    report: bool,
+    /// Compares with the truth.csv of a simulation.
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
     /// Prints every key in force and where its value comes from, and stops.
     #[arg(long)]
     explain: bool,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
+}
+
+impl Args {
+    /// Solves what was simulated, lays it against the truth and writes the report.
+    pub(crate) fn of_simulation(
+        config: PathBuf,
+        truth: PathBuf,
+        out: PathBuf,
+        quiet: bool,
+    ) -> Self {
+        Self {
+            config: Some(config),
+            antenna: Vec::new(),
+            nav: Vec::new(),
+            set: Vec::new(),
+            out,
+            format: vec![Format::Csv],
+            report: true,
+            truth: Some(truth),
+            explain: false,
+            quiet,
+        }
+    }
 }
 
 /// What is written.
@@ -79,6 +110,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let (navigation, mut damage) = read_navigation(&loaded)?;
     let mut streams = Streams::open(observation_files(&loaded))?;
+    let mut review = Review::new(args, &loaded, &navigation)?;
     let mut engine = Engine::new(settings, navigation).map_err(|e| UsageError(e.to_string()))?;
     let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
     let names = antenna_names(&loaded);
@@ -91,6 +123,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
         summary.add(&row, row.shared_satellites >= 4, &names);
         outputs.write(&row)?;
+        review.add(&row);
         progress.epoch(row.status == Status::Fixed);
     }
     let wall_s = progress.finish();
@@ -104,9 +137,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     serde_json::to_writer_pretty(&mut json, &file)?;
     json.finish()?;
     outputs.finish()?;
+    review.write(args, &loaded, summary.headline())?;
 
     if !args.quiet {
         print!("{}", closing(&summary, &damage, &args.out));
+        print!("{}", review.text());
     }
     if summary.has_solution() {
         return Ok(ExitCode::SUCCESS);

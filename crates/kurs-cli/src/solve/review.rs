@@ -1,0 +1,71 @@
+//! What a run is shown and judged by, beside its tables: the report and the comparison with truth.
+
+use kurs::ephemeris::{EphemerisStore, NavigationData};
+use kurs::solution::EpochSolution;
+
+use super::config::Loaded;
+use super::{Args, antenna_names};
+use crate::report::{Report, Words};
+use crate::truth::{Agreement, Truth};
+
+/// See the module.
+pub(super) struct Review {
+    report: Option<(Report, EphemerisStore)>,
+    truth: Option<(Truth, Agreement)>,
+}
+
+impl Review {
+    /// As the command line asks; reads the truth.
+    pub(super) fn new(
+        args: &Args,
+        loaded: &Loaded,
+        navigation: &NavigationData,
+    ) -> anyhow::Result<Self> {
+        let names = antenna_names(loaded);
+        let truth = args.truth.as_ref().map(|path| Truth::read(path, &names)).transpose()?;
+        let positions: Vec<_> = loaded.config.antenna.iter().map(|a| a.position_m).collect();
+        let report =
+            args.report.then(|| (Report::new(names, &positions), navigation.ephemerides.clone()));
+        Ok(Self { report, truth: truth.map(|truth| (truth, Agreement::default())) })
+    }
+
+    /// Takes an epoch in.
+    pub(super) fn add(&mut self, row: &EpochSolution) {
+        let mut known = None;
+        if let Some((truth, agreement)) = &mut self.truth {
+            known = truth.at(row.time);
+            if let Some(known) = known {
+                agreement.add(row, known);
+            }
+        }
+        if let Some((report, _)) = &mut self.report {
+            report.add(row, known);
+        }
+    }
+
+    /// Writes the report; `counts` are the numbers of epochs by status.
+    pub(super) fn write(
+        &self,
+        args: &Args,
+        loaded: &Loaded,
+        counts: Vec<[String; 2]>,
+    ) -> anyhow::Result<()> {
+        let Some((report, ephemerides)) = &self.report else { return Ok(()) };
+        let headline = counts.into_iter().chain(self.agreement()).collect();
+        let words = Words { headline, configuration: loaded.explain(), ephemerides };
+        report.write(&args.out, &words)
+    }
+
+    /// How the fixed epochs agree with the truth, for the terminal.
+    pub(super) fn text(&self) -> String {
+        let rows = self.agreement();
+        let width = rows.iter().map(|[name, _]| name.len()).max().unwrap_or(0);
+        let line = |[name, value]: &[String; 2]| format!("{name:width$}  {value}\n");
+        let title = if rows.is_empty() { "" } else { "\nagainst the truth\n" };
+        title.to_owned() + &rows.iter().map(line).collect::<String>()
+    }
+
+    fn agreement(&self) -> Vec<[String; 2]> {
+        self.truth.as_ref().map_or_else(Vec::new, |(_, agreement)| agreement.rows())
+    }
+}
