@@ -147,7 +147,9 @@ pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
                 let direction = Horizon::at(*place_m).direction(line_of_sight);
                 if direction.elevation_rad > 0.0 {
                     let (east, north) = on_disc(direction.azimuth_rad, direction.elevation_rad);
-                    (x.push(east), y.push(north), names.push(satellite.to_string()));
+                    x.push(east);
+                    y.push(north);
+                    names.push(satellite.to_string());
                 }
             }
         }
