@@ -51,6 +51,9 @@ pub struct FloatSolution {
     pub ambiguity_covariance: DMatrix<f64>,
     /// Cross covariance `Q_x̂â`, m·cycles (3k × n).
     pub cross_covariance: DMatrix<f64>,
+    /// Baseline (index of its block) that each ambiguity belongs to; the last one for an ambiguity
+    /// of several baselines (n).
+    pub baseline_of: Vec<usize>,
     /// Weighted sum of squared code residuals and its degrees of freedom.
     pub code_fit: Fit,
     /// Number of satellites with a double-differenced phase.
@@ -181,6 +184,7 @@ impl FloatSolution {
             ambiguities_cycles: DVector::zeros(0),
             ambiguity_covariance: DMatrix::zeros(0, 0),
             cross_covariance: DMatrix::zeros(unknowns, 0),
+            baseline_of: Vec::new(),
             code_fit: Fit { sum: squares / factors.code, ..a_priori_fit },
             satellites,
             factors,
@@ -197,6 +201,7 @@ impl FloatSolution {
         let n: usize = self.phases.iter().map(|p| p.misclosure_m.len()).sum();
         let unknowns = self.correction_m.len();
         let mut a_scaled = DMatrix::zeros(n, unknowns); // Λ⁻¹ A_Φ
+        self.baseline_of = vec![0; n];
         self.ambiguities_cycles = DVector::zeros(n);
         let mut row = 0;
         for phases in &self.phases {
@@ -205,6 +210,8 @@ impl FloatSolution {
                 let design = phases.design.row(i) / wavelength_m;
                 self.ambiguities_cycles[row] =
                     phases.misclosure_m[i] / wavelength_m - (&design * &self.correction_m)[0];
+                let last = (0..unknowns).rev().find(|i| design[*i] != 0.0);
+                self.baseline_of[row] = last.unwrap_or(0) / 3;
                 a_scaled.set_row(row, &design);
                 row += 1;
             }

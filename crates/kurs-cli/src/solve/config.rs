@@ -316,12 +316,6 @@ impl Loaded {
                 "ambiguity = \"continuous\" is not available in this version; use \"instantaneous\"".into(),
             ));
         }
-        if solve.constraint == Some(ConstraintKey::Array) && antenna.len() > 2 {
-            return Err(UsageError(
-                "constraint = \"array\" for three and more antennas is not available in this version; \
-                 use \"length\" or \"none\"".into(),
-            ));
-        }
         if point.is_empty() || positions > 0 {
             Ok(())
         } else {
@@ -329,14 +323,16 @@ impl Loaded {
         }
     }
 
-    /// The constraint in force. Two antennas with positions: their length; more: none (the joint
-    /// search of an array is not there yet).
+    /// The constraint in force: the known array wherever it is known; of two antennas that is their
+    /// length.
     fn constraint(&self) -> Constraint {
         let antennas = &self.config.antenna;
+        let whole = if antennas.len() == 2 { Constraint::Length } else { Constraint::Array };
         match self.config.solve.constraint {
             Some(ConstraintKey::None) => Constraint::None,
-            Some(ConstraintKey::Length | ConstraintKey::Array) => Constraint::Length,
-            None if antennas.len() == 2 && antennas[0].position_m.is_some() => Constraint::Length,
+            Some(ConstraintKey::Length) => Constraint::Length,
+            Some(ConstraintKey::Array) => whole,
+            None if antennas[0].position_m.is_some() => whole,
             None => Constraint::None,
         }
     }
@@ -415,6 +411,7 @@ impl Loaded {
         let constraint = match self.constraint() {
             Constraint::None => "\"none\"",
             Constraint::Length => "\"length\"",
+            Constraint::Array => "\"array\"",
         };
         let bands = solve
             .bands

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{DVector, Vector3};
 
+use crate::ambiguity::array_constrained::ArrayConstrained;
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::search::IntegerLeastSquares;
 use crate::ambiguity::sphere::Length;
@@ -21,6 +22,10 @@ use super::settings::{Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
+/// The same for the search of a whole array, where a rival must break the geometry too.
+const ARRAY_CANDIDATES: usize = 2;
+/// Rivals of an array that cost more than the best by more than this are not looked for.
+const ARRAY_HORIZON: f64 = 30.0;
 /// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
 /// never more than this, because multipath changes from satellite to satellite and with time.
 const MAX_PRIOR_FREEDOM: f64 = 30.0;
@@ -69,12 +74,28 @@ struct Found {
 }
 
 /// The searches with their memory, and the noise of the session.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Fixer {
     free: IntegerLeastSquares,
     length: LengthConstrained,
+    array: ArrayConstrained,
     code: NoiseScale,
     phase: NoiseScale,
+}
+
+impl Default for Fixer {
+    fn default() -> Self {
+        // Proving that nothing lies far beyond the best takes longer than finding it.
+        let mut array = ArrayConstrained::default();
+        array.horizon = ARRAY_HORIZON;
+        Self {
+            free: IntegerLeastSquares::default(),
+            length: LengthConstrained::default(),
+            array,
+            code: NoiseScale::default(),
+            phase: NoiseScale::default(),
+        }
+    }
 }
 
 impl Fixer {
@@ -112,6 +133,9 @@ impl Fixer {
             (Constraint::Length, Some(array)) => {
                 self.with_lengths(float, links, frame, array, settings.array_sd_m)
             }
+            (Constraint::Array, Some(array)) => {
+                self.with_array(float, frame, array, settings.array_sd_m)
+            }
             _ => self.without_constraint(float),
         };
         match found {
@@ -138,7 +162,42 @@ impl Fixer {
         let costs: Vec<f64> = candidates.iter().map(|c| c.squared_distance).collect();
         let variances = self.free.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
-        self.weigh(&candidates[0].integers, &costs, float, rate)
+        let best = candidates.first().ok_or(Reason::WeakModel)?;
+        self.weigh(&best.integers, &costs, self.free.proven_to(), float, rate)
+    }
+
+    /// All baselines together, as the known array turned by one rotation.
+    fn with_array(
+        &mut self,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+        array: &AntennaArray,
+        array_sd_m: f64,
+    ) -> Result<Found, Reason> {
+        let positions_m = array.positions_m();
+        let reference_m = positions_m[float.reference];
+        let body_m: Vec<Vector3<f64>> =
+            float.rovers.iter().map(|rover| (positions_m[*rover] - reference_m).xyz()).collect();
+        // The search wants the ambiguities baseline after baseline.
+        let mut order: Vec<usize> = (0..float.ambiguities_cycles.len()).collect();
+        order.sort_by_key(|row| float.baseline_of[*row]);
+        let ambiguities_of: Vec<usize> = (0..body_m.len())
+            .map(|block| float.baseline_of.iter().filter(|b| **b == block).count())
+            .collect();
+        let mixed = reordered(&mixed_float(float, &approximate(frame))?, &order);
+        let candidates = self
+            .array
+            .solve(&mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES)
+            .map_err(reason)?;
+        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
+        let variances = self.array.decorrelation().conditional_variances();
+        let rate = bootstrapped_success_rate(variances);
+        let best = candidates.first().ok_or(Reason::WeakModel)?;
+        let mut integers = vec![0; order.len()];
+        for (row, integer) in order.iter().zip(&best.integers) {
+            integers[*row] = *integer;
+        }
+        self.weigh(&integers, &costs, self.array.proven_to(), float, rate)
     }
 
     /// Each baseline by itself with its known length; the joint ambiguities follow from the
@@ -192,25 +251,20 @@ impl Fixer {
         approximate_m: Vector3<f64>,
         length: Length,
     ) -> Result<(Found, Conditional), Reason> {
-        let mixed = MixedFloat {
-            ambiguities: float.ambiguities_cycles.clone(),
-            ambiguity_covariance: float.ambiguity_covariance.clone(),
-            reals_m: DVector::from_column_slice(approximate_m.as_slice()) + &float.correction_m,
-            cross_covariance: float.cross_covariance.clone(),
-            conditional_covariance_m2: float
-                .conditional_covariance_m2()
-                .ok_or(Reason::WeakModel)?,
-        };
+        let approximate_m = DVector::from_column_slice(approximate_m.as_slice());
+        let mixed = mixed_float(float, &approximate_m)?;
         let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
         let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
         let variances = self.length.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
-        let found = self.weigh(&candidates[0].integers, &costs, float, rate)?;
+        let best = candidates.first().ok_or(Reason::WeakModel)?;
+        let found = self.weigh(&best.integers, &costs, self.length.proven_to(), float, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
     }
 
-    /// Weighs the candidates (cheapest first) against each other.
+    /// Weighs the candidates (cheapest first) against each other; all that were not found cost
+    /// `proven_to` or more.
     ///
     /// With Gaussian noise of a level that is itself uncertain (inverse-gamma, `ν` degrees of
     /// freedom around the session's level), a candidate with the total cost `q` of `f` degrees of
@@ -219,6 +273,7 @@ impl Fixer {
         &self,
         integers: &[i64],
         costs: &[f64],
+        proven_to: f64,
         float: &FloatSolution,
         success_rate: f64,
     ) -> Result<Found, Reason> {
@@ -229,10 +284,32 @@ impl Fixer {
         let likelihood = |cost: &f64| (total(cost) / total(best)).powf(-0.5 * (prior + freedom));
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
-            ratio: others.first().map_or(f64::INFINITY, |second| second / best.max(1e-12)),
-            rivals: others.iter().map(likelihood).sum(),
+            ratio: others.first().unwrap_or(&proven_to) / best.max(1e-12),
+            // What was not found costs at least `proven_to`: it counts as one more rival.
+            rivals: others.iter().chain([&proven_to]).map(likelihood).sum(),
             success_rate,
         })
+    }
+}
+
+/// The float solution in the form that the constrained searches take.
+fn mixed_float(float: &FloatSolution, approximate_m: &DVector<f64>) -> Result<MixedFloat, Reason> {
+    Ok(MixedFloat {
+        ambiguities: float.ambiguities_cycles.clone(),
+        ambiguity_covariance: float.ambiguity_covariance.clone(),
+        reals_m: approximate_m + &float.correction_m,
+        cross_covariance: float.cross_covariance.clone(),
+        conditional_covariance_m2: float.conditional_covariance_m2().ok_or(Reason::WeakModel)?,
+    })
+}
+
+/// The same with its ambiguities in another order.
+fn reordered(mixed: &MixedFloat, order: &[usize]) -> MixedFloat {
+    MixedFloat {
+        ambiguities: mixed.ambiguities.select_rows(order),
+        ambiguity_covariance: mixed.ambiguity_covariance.select_rows(order).select_columns(order),
+        cross_covariance: mixed.cross_covariance.select_columns(order),
+        ..mixed.clone()
     }
 }
 

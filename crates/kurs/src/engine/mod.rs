@@ -89,8 +89,12 @@ impl Engine {
         row.success_rate = outcome.success_rate;
         row.ratio = outcome.ratio;
         row.residual_rms_m = outcome.residual_rms_m;
-        let orientation =
-            orientation::orient(&outcome.baselines, &frame.horizon, self.settings.array.as_ref());
+        let orientation = orientation::orient(
+            &outcome.baselines,
+            &frame.horizon,
+            self.settings.array.as_ref(),
+            self.settings.array_sd_m,
+        );
         (row.status, row.reason) = judge(outcome.verdict, &orientation, &self.settings);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.ok();

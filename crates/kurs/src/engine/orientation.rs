@@ -1,6 +1,6 @@
 //! From baselines to the angles of the body.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::array::{AntennaArray, Shape};
 use crate::attitude::angles::angle_covariance;
@@ -15,6 +15,9 @@ const VERTICAL: f64 = 1e-6;
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
+/// Fixed baselines whose misfit to the array is this many times the expected one (three standard
+/// deviations all over) do not come from this array.
+const MAX_VARIANCE_FACTOR: f64 = 9.0;
 
 /// Orientation of the body: all three angles for an array that spans a plane, otherwise heading
 /// and pitch of the line of antennas.
@@ -22,10 +25,11 @@ pub(super) fn orient(
     baselines: &Baselines,
     horizon: &Horizon,
     array: Option<&AntennaArray>,
+    array_sd_m: f64,
 ) -> Result<AttitudeEstimate, Reason> {
     let present = array.and_then(|array| present_part(array, baselines));
     match present.filter(|part| part.shape() != Shape::Collinear) {
-        Some(part) => full(baselines, horizon, &part),
+        Some(part) => full(baselines, horizon, &part, array_sd_m),
         None => {
             let ned_from_ecef = horizon.ned_from_ecef();
             let line_ned = ned_from_ecef * baselines.vector_m(0);
@@ -53,10 +57,16 @@ fn full(
     baselines: &Baselines,
     horizon: &Horizon,
     array: &AntennaArray,
+    array_sd_m: f64,
 ) -> Result<AttitudeEstimate, Reason> {
     let vectors: Vec<_> = (0..baselines.rovers.len()).map(|b| baselines.vector_m(b)).collect();
-    let solved = joint::solve(array, &vectors, &baselines.covariance_m2, TWO_MINIMA_CHI2 / 2.0)
+    let covariance_m2 = &baselines.covariance_m2;
+    let solved = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0)
         .map_err(|_| Reason::Geometry)?;
+    let misfit = misfit(&solved.residuals_m, &softened(covariance_m2, array_sd_m));
+    if misfit.is_none_or(|chi2| chi2 > MAX_VARIANCE_FACTOR * solved.degrees_of_freedom as f64) {
+        return Err(Reason::Geometry);
+    }
     if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
         return Err(Reason::TwoMinima);
     }
@@ -68,6 +78,23 @@ fn full(
         roll_rad: Some(attitude.roll_rad),
         covariance_rad2: angle_covariance(&attitude, &solved.covariance_body_rad2),
         ned_from_body: Some(ned_from_body),
+    })
+}
+
+/// `rᵀ Q⁻¹ r` of the residuals of all baselines.
+fn misfit<F: Copy>(residuals_m: &[Vector<F>], covariance_m2: &DMatrix<f64>) -> Option<f64> {
+    let components = residuals_m.iter().flat_map(|r| <[f64; 3]>::from(r.xyz()));
+    let residual = DVector::from_iterator(3 * residuals_m.len(), components);
+    Some(residual.dot(&covariance_m2.clone().cholesky()?.solve(&residual)))
+}
+
+/// The covariance of the baselines with the uncertainty of the surveyed positions: each end adds
+/// `σ²`, and the end at the reference antenna is common to all.
+fn softened(covariance_m2: &DMatrix<f64>, array_sd_m: f64) -> DMatrix<f64> {
+    let variance_m2 = array_sd_m * array_sd_m;
+    DMatrix::from_fn(covariance_m2.nrows(), covariance_m2.ncols(), |i, j| {
+        let shared = if i % 3 == j % 3 { variance_m2 } else { 0.0 };
+        covariance_m2[(i, j)] + shared + if i == j { variance_m2 } else { 0.0 }
     })
 }
 

@@ -12,6 +12,8 @@ pub enum Constraint {
     None,
     /// The length of every baseline.
     Length,
+    /// All baselines: the array turns as one.
+    Array,
 }
 
 /// How the engine works.
