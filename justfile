@@ -16,7 +16,7 @@ docs:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
 test:
-    cargo test --release --workspace
+    cargo test --workspace
 
 # accuracy and speed on the recordings, beside RTKLIB (Debian package rtklib)
 compare runs="5":

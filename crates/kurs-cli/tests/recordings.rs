@@ -3,6 +3,8 @@
 //! Reads the folder named by `KURS_DATA` (default `../shared/data` beside the workspace); where it is
 //! absent every test says `skipped` and passes.
 
+#![allow(clippy::print_stdout)] // measured figures, and what was skipped
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
