@@ -111,7 +111,7 @@ fn unusable_files_exit_1_and_are_named() {
             folder.solve(&["--antenna", &antenna_a, "--antenna", "B={}/b.obs", "--nav", nav]);
         assert_eq!(status, 1, "{antenna} {nav}: {said}");
         assert!(said.contains(expected), "{antenna} {nav}: {said}");
-        assert_eq!(said.matches("No such file").count() <= 1, true, "said once: {said}");
+        assert!(said.matches("No such file").count() <= 1, "said once: {said}");
         folder.assert_nothing_written(antenna);
     }
 }

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// Navigation files.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     nav: Vec<PathBuf>,
-    /// Sets a key of [solve], or table.key.
+    /// Sets a key of the table `solve`, or `table.key`.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Folder for the outputs.

@@ -5,7 +5,7 @@
 //!     |â − z|²_Qa  +  |b̌(z) − b|²_Qb|a  +  (|b| − l)² / σ²
 //! ```
 //!
-//! by the search of [`best_first`](super::best_first), with the [`sphere`](super::sphere) as its
+//! by the search of `best_first`, with the [`sphere`](super::sphere) as its
 //! constraint. Problem: Teunissen (2010), *Integer least-squares theory for the GNSS compass*,
 //! J. Geodesy 84.
 

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 pub struct Estimate {
     /// P (n×n).
     pub covariance: DMatrix<f64>,
-    /// δx: sum of the corrections since [`Estimate::begin`].
+    /// δx: sum of the corrections since `Estimate::begin`.
     pub correction: DVector<f64>,
     gain: DVector<f64>,
     projection: DVector<f64>,
