@@ -18,6 +18,8 @@ pub mod antenna_calibration;
 
 pub mod solution;
 
+pub mod chi_square;
+
 // The inputs.
 pub mod observation;
 

@@ -5,7 +5,6 @@
 
 use nalgebra::Matrix3;
 
-use super::chi_square_tail;
 use super::closed_form::Roots;
 use super::minimal_set::MinimalSet;
 use super::problem::{Normal, Problem};
@@ -83,7 +82,7 @@ impl Estimate {
     /// Probability of residuals at least this large if the standard deviations are right.
     #[must_use]
     pub fn likelihood(&self) -> f64 {
-        chi_square_tail(self.cost, self.degrees_of_freedom)
+        crate::chi_square::chi_square_tail(self.cost, self.degrees_of_freedom)
     }
 
     /// Whether a position is the same minimum: within a thousandth of the standard deviation.

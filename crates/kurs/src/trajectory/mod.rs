@@ -24,7 +24,3 @@ pub mod random_search;
 pub mod refraction;
 pub mod smoother;
 pub mod station;
-
-mod chi_square;
-
-pub use chi_square::chi_square_tail;
