@@ -86,8 +86,8 @@ pub(super) fn locate(
 
 /// Approximate positions for all antennas at the instant of the first one that has a position.
 ///
-/// An antenna without a position of its own stands in for by the reference antenna's: the
-/// linearisation is good to micrometres over metres.
+/// An antenna without a position of its own takes that of the first one that has: over metres the
+/// linearisation is good to micrometres.
 pub(super) fn common_frame(located: &[Located]) -> Result<CommonFrame, Reason> {
     if located.len() < 2 {
         return Err(Reason::FewAntennas);
