@@ -22,10 +22,11 @@ const SYSTEMS: usize = System::ALL.len();
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
-/// A step below this ends the iteration.
-const CONVERGED_M: f64 = 1e-4;
-/// Steps below this are near enough for directions, weights and atmosphere to mean something.
-const ROUGH_M: f64 = 1e4;
+/// A step below this ends the iteration: convergence is quadratic, nanometres remain.
+const CONVERGED_M: f64 = 1e-3;
+/// After a step below this the position is near enough (some tens of metres) for directions, weights
+/// and atmosphere to mean something.
+const ROUGH_M: f64 = 1e5;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
 const MAX_RADIUS_M: f64 = 2.0e7;
 /// No model knows the ionosphere better than this, m.
