@@ -10,7 +10,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::difference::{Combination, Link, combinations, covariance};
+use crate::difference::{Combination, Link, combinations, covariance, equations};
 
 /// Observations of one group and kind in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
 #[derive(Debug, Clone)]
@@ -337,31 +337,6 @@ fn group_phases(
         combinations: rows,
         first_link,
     })
-}
-
-/// Design matrix and misclosures of combinations: signed sums of the links' gradients, each in the
-/// block of its antenna (the reference antenna has none), and values.
-fn equations(
-    links: &[Link],
-    rows: &[Combination],
-    unknowns: usize,
-    block: impl Fn(usize) -> Option<usize>,
-    value: impl Fn(&Link) -> Option<f64>,
-) -> (DMatrix<f64>, DVector<f64>) {
-    let mut design = DMatrix::zeros(rows.len(), unknowns);
-    let mut misclosure = DVector::zeros(rows.len());
-    for (i, row) in rows.iter().enumerate() {
-        for (edge, sign) in row {
-            let link = &links[*edge];
-            misclosure[i] += sign * value(link).unwrap_or(0.0);
-            if let Some(block) = block(link.antenna) {
-                for axis in 0..3 {
-                    design[(i, 3 * block + axis)] += sign * link.gradient[axis];
-                }
-            }
-        }
-    }
-    (design, misclosure)
 }
 
 fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {

@@ -36,6 +36,8 @@ pub mod difference;
 
 pub mod float_solution;
 
+pub mod signal_residuals;
+
 pub mod attitude;
 
 pub mod ambiguity;

@@ -5,6 +5,7 @@ use core::fmt;
 use nalgebra::Matrix3;
 
 use crate::frames::{Body, Ecef, Enu, Geodetic, Ned, Rotation, Vector};
+use crate::signal::{Satellite, Signal};
 use crate::time::GpsTime;
 
 /// How far an epoch got; the words of the output column `status`.
@@ -92,6 +93,28 @@ pub struct EpochSolution {
     pub baselines: Vec<BaselineEstimate>,
     /// Further points of the body, in the order of the configuration.
     pub points: Vec<PointEstimate>,
+    /// What the solution leaves of each signal; empty unless wanted.
+    pub residuals: Vec<SignalResidual>,
+}
+
+/// What the solution leaves of one signal at one antenna: the most probable error of the
+/// observation, given all double differences that it takes part in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SignalResidual {
+    /// Index of the antenna.
+    pub antenna: usize,
+    /// The satellite.
+    pub satellite: Satellite,
+    /// Band and tracking code.
+    pub signal: Signal,
+    /// Azimuth of the satellite.
+    pub azimuth_rad: f64,
+    /// Its elevation.
+    pub elevation_rad: f64,
+    /// Pseudorange, m; `None` where it was not used.
+    pub code_m: Option<f64>,
+    /// Carrier phase, m; `None` where it was not used or no integers were found.
+    pub phase_m: Option<f64>,
 }
 
 /// Orientation; two antennas or a collinear array leave angles unknown.
@@ -170,6 +193,7 @@ impl EpochSolution {
             position: None,
             baselines: Vec::new(),
             points: Vec::new(),
+            residuals: Vec::new(),
         }
     }
 }

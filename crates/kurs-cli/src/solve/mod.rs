@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
-use kurs::engine::Engine;
+use kurs::engine::{Engine, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
     let loaded = config::load(args.config.as_deref(), &overrides)?;
-    let settings = loaded.settings()?;
+    let settings = Settings { residuals: args.report, ..loaded.settings()? };
     if args.explain {
         print!("{}", loaded.explain());
         return Ok(ExitCode::SUCCESS);

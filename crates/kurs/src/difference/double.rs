@@ -6,7 +6,7 @@
 //! satellites these are the classical ones: rover minus reference antenna, satellite minus
 //! reference satellite. Where they do not, no satellite is lost because one antenna misses it.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use smallvec::{SmallVec, smallvec};
 
 use super::link::Link;
@@ -154,6 +154,32 @@ pub fn covariance(combinations: &[Combination], variance: impl Fn(usize) -> f64)
     result
 }
 
+/// Design matrix and misclosures of combinations: signed sums of the links' gradients, each in the
+/// block of its antenna (the reference antenna has none), and values.
+#[must_use]
+pub fn equations(
+    links: &[Link],
+    rows: &[Combination],
+    unknowns: usize,
+    block: impl Fn(usize) -> Option<usize>,
+    value: impl Fn(&Link) -> Option<f64>,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let mut design = DMatrix::zeros(rows.len(), unknowns);
+    let mut misclosure = DVector::zeros(rows.len());
+    for (i, row) in rows.iter().enumerate() {
+        for (edge, sign) in row {
+            let link = &links[*edge];
+            misclosure[i] += sign * value(link).unwrap_or(0.0);
+            if let Some(block) = block(link.antenna) {
+                for axis in 0..3 {
+                    design[(i, 3 * block + axis)] += sign * link.gradient[axis];
+                }
+            }
+        }
+    }
+    (design, misclosure)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -174,6 +200,7 @@ mod tests {
             wavelength_m: 0.19,
             variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
             gradient: Vector3::zeros(),
+            azimuth_rad: 0.0,
             elevation_rad: 0.1 * f64::from(number),
         }
     }

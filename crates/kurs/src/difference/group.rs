@@ -109,6 +109,7 @@ mod tests {
             wavelength_m: 0.19,
             variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
             gradient: Vector3::zeros(),
+            azimuth_rad: 0.0,
             elevation_rad: 1.0,
         }
     }

@@ -8,7 +8,7 @@ use crate::frames::{Ecef, Vector};
 use crate::observation::AntennaEpoch;
 use crate::point::Tracked;
 use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
-use crate::sky::{Horizon, NoiseModel, Variances, View};
+use crate::sky::{Direction, Horizon, NoiseModel, Variances, View};
 
 /// One signal between one antenna and one satellite, linearised at the antenna's approximate
 /// position: `value = gradientᵀ dx + receiver term + satellite term (+ λ N for the phase)`.
@@ -30,6 +30,8 @@ pub struct Link {
     pub variances: Variances,
     /// Derivative of the computed value by the antenna's position, ECEF.
     pub gradient: Vector3<f64>,
+    /// Azimuth of the satellite.
+    pub azimuth_rad: f64,
     /// Elevation of the satellite.
     pub elevation_rad: f64,
 }
@@ -68,7 +70,7 @@ pub fn links(
             continue;
         };
         let view = View::new(&tracked.state, antenna.position_m);
-        let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad;
+        let Direction { azimuth_rad, elevation_rad } = horizon.direction(view.line_of_sight);
         if elevation_rad < lowest_rad {
             continue;
         }
@@ -94,6 +96,7 @@ pub fn links(
                 wavelength_m,
                 variances: noise.variances(band, elevation_rad, observation.cn0_dbhz),
                 gradient,
+                azimuth_rad,
                 elevation_rad,
             });
         }

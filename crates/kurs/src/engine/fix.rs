@@ -59,6 +59,10 @@ pub(super) struct Outcome {
     pub(super) ratio: Option<f64>,
     pub(super) residual_rms_m: Option<f64>,
     pub(super) baselines: Baselines,
+    /// Corrections to the approximate baselines that `baselines` holds, m.
+    pub(super) correction_m: DVector<f64>,
+    /// The best integers, accepted or not, where `correction_m` follows from them.
+    pub(super) integers: Option<Vec<f64>>,
 }
 
 /// The best integers and how they stand against the others.
@@ -335,6 +339,8 @@ impl Outcome {
                 vectors_m: approximate(frame) + &float.correction_m,
                 covariance_m2: float.covariance_m2.clone(),
             },
+            correction_m: float.correction_m.clone(),
+            integers: None,
         }
     }
 
@@ -367,6 +373,8 @@ impl Outcome {
             Verdict::Fixed
         };
         self.baselines.covariance_m2 = conditional.covariance_m2;
+        self.correction_m = conditional.correction_m;
+        self.integers = Some(found.integers.clone());
         conditional.phase_fit
     }
 

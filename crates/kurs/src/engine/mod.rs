@@ -14,6 +14,7 @@ use crate::ephemeris::NavigationData;
 use crate::float_solution::NoFloat;
 use crate::frames::Geodetic;
 use crate::observation::ArrayEpoch;
+use crate::signal_residuals::{Solved, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use fix::{Fixer, Verdict};
 use locate::{Located, locate};
@@ -89,6 +90,14 @@ impl Engine {
         row.success_rate = outcome.success_rate;
         row.ratio = outcome.ratio;
         row.residual_rms_m = outcome.residual_rms_m;
+        if self.settings.residuals {
+            let solved = Solved {
+                rovers: &outcome.baselines.rovers,
+                correction_m: &outcome.correction_m,
+                integers: outcome.integers.as_deref(),
+            };
+            row.residuals = signal_residuals(&self.links, &groups, &solved);
+        }
         let orientation = orientation::orient(
             &outcome.baselines,
             &frame.horizon,

@@ -39,6 +39,8 @@ pub struct Settings {
     pub max_tilt_rad: f64,
     /// Observation noise.
     pub noise: NoiseModel,
+    /// Whether rows carry the residuals of every signal.
+    pub residuals: bool,
 }
 
 /// Settings that cannot work; afterwards configuration is no longer a reason to fail.

@@ -1,0 +1,136 @@
+//! What a solution leaves of each signal: residuals of the double differences, given back to the
+//! links between antennas and satellites that they are made of.
+//!
+//! Double differences `D y` say nothing of clocks, so the error of one link is known only through
+//! them; its most probable value, given the residuals `r = D y − A x` of its group, is
+//!
+//! `ê = Σ Dᵀ (D Σ Dᵀ)⁻¹ r`,   `Σ = diag(σ²)`
+
+use core::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::difference::{Combination, Link, combinations, covariance, equations};
+use crate::solution::SignalResidual;
+
+/// The solution whose residuals are wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Solved<'a> {
+    /// Antennas that the baselines lead to, in the order of their blocks.
+    pub rovers: &'a [usize],
+    /// Corrections to the approximate baselines, ECEF, m (3k).
+    pub correction_m: &'a DVector<f64>,
+    /// Integers in the order of the float solution's ambiguities, cycles; `None`: no phase
+    /// residuals.
+    pub integers: Option<&'a [f64]>,
+}
+
+/// Residuals of every link that takes part in a double difference, in the order of the links.
+#[must_use]
+pub fn signal_residuals(
+    links: &[Link],
+    groups: &[Range<usize>],
+    solved: &Solved<'_>,
+) -> Vec<SignalResidual> {
+    let mut residuals = Vec::with_capacity(links.len());
+    let mut integers = solved.integers.unwrap_or_default().iter();
+    for range in groups {
+        let of_group = &links[range.clone()];
+        let code = of_links(of_group, solved, |l| l.code_m, |l| l.variances.code_m2, |_| 0.0);
+        let phase = solved.integers.and_then(|_| {
+            let cycles = |row: &Combination| {
+                of_group[row[0].0].wavelength_m * integers.next().copied().unwrap_or(0.0)
+            };
+            of_links(of_group, solved, |l| l.phase_m, |l| l.variances.phase_m2, cycles)
+        });
+        residuals.extend(of_group.iter().enumerate().map(|(i, link)| SignalResidual {
+            antenna: link.antenna,
+            satellite: link.satellite,
+            signal: link.signal,
+            azimuth_rad: link.azimuth_rad,
+            elevation_rad: link.elevation_rad,
+            code_m: code.as_ref().and_then(|of_link| of_link[i]),
+            phase_m: phase.as_ref().and_then(|of_link| of_link[i]),
+        }));
+    }
+    residuals
+}
+
+/// `Σ Dᵀ (D Σ Dᵀ)⁻¹ r` of one group and one kind of observation; `None` without a double
+/// difference.
+fn of_links(
+    links: &[Link],
+    solved: &Solved<'_>,
+    value: impl Fn(&Link) -> Option<f64>,
+    variance_m2: impl Fn(&Link) -> f64,
+    known_m: impl FnMut(&Combination) -> f64,
+) -> Option<Vec<Option<f64>>> {
+    let rows = combinations(links, |link| value(link).is_some());
+    let factor = covariance(&rows, |edge| variance_m2(&links[edge])).cholesky()?;
+    let block = |antenna| solved.rovers.iter().position(|rover| *rover == antenna);
+    let unknowns = solved.correction_m.len();
+    let (design, misclosure_m): (DMatrix<f64>, DVector<f64>) =
+        equations(links, &rows, unknowns, block, &value);
+    let known_m = DVector::from_iterator(rows.len(), rows.iter().map(known_m));
+    let weighted = factor.solve(&(misclosure_m - design * solved.correction_m - known_m));
+    let mut of_link = vec![None; links.len()];
+    for (row, weight) in rows.iter().zip(weighted.iter()) {
+        for (edge, sign) in row {
+            *of_link[*edge].get_or_insert(0.0) += variance_m2(&links[*edge]) * sign * weight;
+        }
+    }
+    Some(of_link)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::{Satellite, Signal, System};
+    use crate::sky::Variances;
+    use nalgebra::Vector3;
+
+    /// Two antennas and five satellites without geometry: link values are clock terms, and
+    /// satellite 3 at antenna 1 is off by 4 m in code and by 8 mm on 7 cycles in phase.
+    #[test]
+    fn the_faulty_link_stands_out() {
+        let wavelength_m = 0.2;
+        let links: Vec<Link> = (1..=5_u8)
+            .flat_map(|number| [0, 1].map(|antenna| (antenna, number)))
+            .map(|(antenna, number)| {
+                let faulty = if (antenna, number) == (1, 3) { 1.0 } else { 0.0 };
+                let clocks_m = 100.0 * antenna as f64 - 9.0 * f64::from(number);
+                Link {
+                    antenna,
+                    satellite: Satellite::new(System::Gps, number),
+                    signal: Signal::new(System::Gps, 1, b'C'),
+                    code_m: Some(clocks_m + 4.0 * faulty),
+                    phase_m: Some(clocks_m + (7.0 * wavelength_m + 0.008) * faulty),
+                    wavelength_m,
+                    variances: Variances { code_m2: 0.09, phase_m2: 9e-6 },
+                    gradient: Vector3::zeros(),
+                    azimuth_rad: 0.0,
+                    elevation_rad: 0.1 * f64::from(number),
+                }
+            })
+            .collect();
+        // Reference satellite 5; ambiguities of satellites 1 to 4.
+        let whole = 0..links.len();
+        let found = signal_residuals(
+            &links,
+            std::slice::from_ref(&whole),
+            &Solved {
+                rovers: &[1],
+                correction_m: &DVector::zeros(3),
+                integers: Some(&[0.0, 0.0, 7.0, 0.0]),
+            },
+        );
+        assert_eq!(found.len(), 10);
+        // Half of the error goes to the other antenna, and a fifth to the receivers' clocks.
+        for residual in &found {
+            let sign = if residual.antenna == 1 { 1.0 } else { -1.0 };
+            let share = if residual.satellite.number == 3 { 0.4 } else { -0.1 };
+            assert!((residual.code_m.unwrap() - sign * share * 4.0).abs() < 1e-12, "{residual:?}");
+            assert!((residual.phase_m.unwrap() - sign * share * 0.008).abs() < 1e-12);
+        }
+    }
+}
