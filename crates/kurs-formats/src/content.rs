@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::logs::frames::{self, Protocol};
+
 /// The content of a file as its first bytes show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Content {
@@ -37,7 +39,7 @@ pub enum Content {
 
 impl Content {
     /// Bytes from the start of a file that are enough to judge it.
-    pub const ENOUGH: usize = 4096;
+    pub const ENOUGH: usize = 16 * 1024;
 
     /// Judges the start of a file: [`Content::ENOUGH`] bytes, or all if there are fewer.
     #[must_use]
@@ -48,11 +50,20 @@ impl Content {
             // RTCM 3: six reserved bits are zero.
             [0xd3, length, ..] if length >> 2 == 0 => return Self::Rtcm3,
             [b'$', b'@', ..] => return Self::Sbf,
-            [b'$', b'A'..=b'Z', b'A'..=b'Z', ..] => return Self::Nmea,
             [b'#', b'a'..=b'd', b'P' | b'V', ..] => return Self::Sp3,
             _ => {}
         }
         start.split(|byte| *byte == b'\n').find_map(Self::of_header_line).unwrap_or_else(|| {
+            // A log may begin in the midst of a message, or with text.
+            match frames::first_protocol(start) {
+                Some(Protocol::Ubx) => return Self::Ubx,
+                Some(Protocol::Rtcm3) => return Self::Rtcm3,
+                Some(Protocol::Sbf) => return Self::Sbf,
+                None => {}
+            }
+            if let [b'$', b'A'..=b'Z', b'A'..=b'Z', ..] = start {
+                return Self::Nmea;
+            }
             let text = start.trim_ascii_start();
             let readable = start.iter().all(|b| matches!(b, b'\t' | b'\r' | b'\n' | b' '..=b'~'));
             match (text, readable) {
@@ -128,6 +139,9 @@ mod tests {
             (header("COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE"), Content::CompactRinex),
             (b"#dP2023  2 19  0  0  0.00000000".to_vec(), Content::Sp3),
             (vec![0xb5, 0x62, 2, 0x15], Content::Ubx),
+            (b"$GNGGA,,*00\r\n\xd3\0\0\x47\xea\x4b".to_vec(), Content::Rtcm3),
+            (b"\0\xb5\xd3\x20\xb5\x62\x05\x01\x02\0\x06\x01\x0f\x38".to_vec(), Content::Ubx),
+            (b"$GNGGA,,*00\r\n".to_vec(), Content::Nmea),
             (vec![0xd3, 0, 19, 0x3e], Content::Rtcm3),
             (b"<!DOCTYPE html>".to_vec(), Content::Html),
             (b"time,heading\n1,2".to_vec(), Content::Text("time,heading".into())),

@@ -1,11 +1,12 @@
-//! What a reader could not use, with its line: undamaged data on both sides is read all the same.
+//! What a reader could not use, and where: undamaged data on both sides is read all the same.
 
 use std::borrow::Cow;
 
 /// One thing in a file that was skipped, cut or contradicts itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
-    /// Line of the (decompressed) file, counted from 1.
+    /// Line of the (decompressed) file, counted from 1; in a receiver log, which has no lines, the
+    /// offset of the byte where it begins.
     pub line: u64,
     /// What was wrong and what was done about it.
     pub what: Cow<'static, str>,

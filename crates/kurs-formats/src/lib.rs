@@ -4,6 +4,7 @@
 pub mod antex;
 pub mod content;
 pub mod damage;
+pub mod logs;
 pub mod navigation;
 pub mod observations;
 pub mod positions;
@@ -12,3 +13,4 @@ pub mod session;
 pub mod source;
 mod sp3;
 pub mod tdm;
+pub mod ubx;

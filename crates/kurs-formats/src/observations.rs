@@ -8,17 +8,21 @@ use kurs::observation::AntennaEpoch;
 
 use crate::content::Content;
 use crate::damage::Damage;
+use crate::logs::LogReader;
 use crate::rinex::observation::{ObservationHeader, ObservationReader};
 use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
-const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip";
+const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip; \
+    or a receiver log: UBX";
 
 /// A file with observations, opened.
 #[derive(Debug)]
 pub enum ObservationSource {
     /// RINEX 2, 3 or 4, compact or not.
     Rinex(Box<ObservationReader>),
+    /// A receiver log: UBX.
+    Log(Box<LogReader>),
 }
 
 impl ObservationSource {
@@ -53,6 +57,7 @@ impl ObservationSource {
             Content::RinexObservation | Content::CompactRinex => {
                 Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)))
             }
+            Content::Ubx => Ok(Self::Log(Box::new(LogReader::new(source)))),
             other => Err(source.wrong_content(other.to_string(), EXPECTED)),
         }
     }
@@ -65,14 +70,16 @@ impl ObservationSource {
     pub fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
         match self {
             Self::Rinex(reader) => reader.next_epoch(epoch),
+            Self::Log(reader) => reader.next_epoch(epoch),
         }
     }
 
-    /// The header as it stands after the last epoch that was read.
+    /// The header as it stands after the last epoch that was read; logs have none.
     #[must_use]
-    pub const fn header(&self) -> &ObservationHeader {
+    pub const fn header(&self) -> Option<&ObservationHeader> {
         match self {
-            Self::Rinex(reader) => reader.header(),
+            Self::Rinex(reader) => Some(reader.header()),
+            Self::Log(_) => None,
         }
     }
 
@@ -81,6 +88,7 @@ impl ObservationSource {
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
         match self {
             Self::Rinex(reader) => reader.glonass_channels(),
+            Self::Log(reader) => reader.glonass_channels(),
         }
     }
 
@@ -91,6 +99,7 @@ impl ObservationSource {
     pub fn damage(&self) -> &[Damage] {
         match self {
             Self::Rinex(reader) => reader.damage(),
+            Self::Log(reader) => reader.damage(),
         }
     }
 
@@ -99,6 +108,7 @@ impl ObservationSource {
     pub const fn damage_count(&self) -> u64 {
         match self {
             Self::Rinex(reader) => reader.damage_count(),
+            Self::Log(reader) => reader.damage_count(),
         }
     }
 
@@ -107,6 +117,7 @@ impl ObservationSource {
     pub fn name(&self) -> &str {
         match self {
             Self::Rinex(reader) => reader.name(),
+            Self::Log(reader) => reader.name(),
         }
     }
 }

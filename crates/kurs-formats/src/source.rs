@@ -78,7 +78,8 @@ impl core::fmt::Debug for Source {
 impl Source {
     /// Longest line that is given in full; what goes beyond is dropped.
     pub const LINE_MAX: usize = 16 * 1024;
-    const BUFFER_SIZE: usize = 256 * 1024;
+    /// Bytes that are held at once.
+    pub const BUFFER_SIZE: usize = 256 * 1024;
 
     /// Opens a file.
     ///
@@ -160,13 +161,13 @@ impl Source {
     }
 
     /// At least `length` bytes from here on, fewer if the input ends before (at most
-    /// [`Source::LINE_MAX`] are sure to fit); nothing is consumed.
+    /// [`Source::BUFFER_SIZE`] fit); nothing is consumed.
     ///
     /// # Errors
     ///
     /// [`ReadError::Io`] if reading fails.
     pub fn start(&mut self, length: usize) -> Result<&[u8], ReadError> {
-        while self.filled - self.next < length.min(Self::LINE_MAX) && !self.at_end {
+        while self.filled - self.next < length.min(Self::BUFFER_SIZE) && !self.at_end {
             self.refill()?;
         }
         Ok(&self.buffer[self.next..self.filled])

@@ -24,7 +24,7 @@ fn each_file_has_its_own_header() {
     let (session, epochs) = read(&["mixed_2.obs", "mixed_3.crx"]);
     assert_eq!(epochs.len(), 10 + 12);
     assert!(epochs.windows(2).all(|pair| pair[0].time < pair[1].time));
-    assert_eq!(session.current().header().version.to_string(), "3.05");
+    assert_eq!(session.current().header().unwrap().version.to_string(), "3.05");
     assert_eq!(session.current().glonass_channels().get(&2), Some(&-4));
     assert_eq!(session.damage_count(), 0);
 }

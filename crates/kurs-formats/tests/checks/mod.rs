@@ -14,7 +14,11 @@ use kurs_formats::{antex, navigation};
 /// Reads any bytes as an observation file; panics if what comes out makes no sense.
 pub fn observation_file(bytes: &[u8]) {
     let Ok(mut source) = ObservationSource::new(Cursor::new(bytes.to_vec()), "any") else { return };
-    let lines = bytes.split(|byte| *byte == b'\n').count() as u64;
+    let is_log = matches!(source, ObservationSource::Log(_));
+    let (lines, first) = match is_log {
+        true => (bytes.len() as u64, 0),
+        false => (bytes.split(|byte| *byte == b'\n').count() as u64, 1),
+    };
     let packed = bytes.starts_with(&[0x1f, 0x8b]);
     let mut epoch = AntennaEpoch::default();
     let mut last = None;
@@ -28,7 +32,7 @@ pub fn observation_file(bytes: &[u8]) {
     }
     assert!(!source.next_epoch(&mut epoch).expect("still none"), "an epoch behind the end");
     for damage in source.damage() {
-        assert!(packed || (1..=lines).contains(&damage.line), "{damage:?} of {lines} lines");
+        assert!(packed || (first..=lines).contains(&damage.line), "{damage:?} of {lines} lines");
         assert!(!damage.what.is_empty());
     }
 }

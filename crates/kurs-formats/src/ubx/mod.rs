@@ -1,0 +1,14 @@
+//! u-blox messages (UBX): raw observations and navigation subframes.
+//!
+//! Source: u-blox F9 HPG 1.32 interface description, UBX-22008968, sections 3.2 (frames), 3.17.5
+//! (RXM-RAWX), 3.17.8 (RXM-SFRBX).
+//!
+//! The messages are decoded here and not by the crate `ublox`, which keeps the signal of a
+//! measurement (`sigId`) among its reserved bytes and reads slower than a recording of this size
+//! allows; it is a referee of the development tests instead (`tests-referees`).
+
+pub(crate) mod rawx;
+mod signal;
+mod write;
+
+pub use write::UbxWriter;
