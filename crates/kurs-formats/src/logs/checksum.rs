@@ -13,8 +13,8 @@ pub(crate) fn fletcher(bytes: &[u8]) -> [u8; 2] {
 /// CRC-24Q of RTCM 3 and Galileo, polynomial 1864CFB₁₆, most significant bit first.
 pub(crate) fn crc24q(bytes: &[u8]) -> [u8; 3] {
     let crc = bytes.iter().fold(0u32, |crc, byte| {
-        let index = (crc >> 16) as u8 ^ byte;
-        (crc << 8) & 0xff_ffff ^ CRC24Q[usize::from(index)]
+        let [_, high, ..] = crc.to_be_bytes();
+        (crc << 8) & 0xff_ffff ^ CRC24Q[usize::from(high ^ byte)]
     });
     let [_, high, middle, low] = crc.to_be_bytes();
     [high, middle, low]
@@ -23,16 +23,16 @@ pub(crate) fn crc24q(bytes: &[u8]) -> [u8; 3] {
 /// CRC-16 of Septentrio blocks, polynomial 1021₁₆, most significant bit first, beginning with zero.
 pub(crate) fn crc16_ccitt(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0u16, |crc, byte| {
-        let index = (crc >> 8) as u8 ^ byte;
-        (crc << 8) ^ CRC16[usize::from(index)]
+        let [high, _] = crc.to_be_bytes();
+        (crc << 8) ^ CRC16[usize::from(high ^ byte)]
     })
 }
 
 const CRC24Q: [u32; 256] = {
     let mut table = [0u32; 256];
-    let mut byte = 0;
+    let mut byte = 0u32;
     while byte < 256 {
-        let mut crc = (byte as u32) << 16;
+        let mut crc = byte << 16;
         let mut bit = 0;
         while bit < 8 {
             crc <<= 1;
@@ -41,7 +41,7 @@ const CRC24Q: [u32; 256] = {
             }
             bit += 1;
         }
-        table[byte] = crc;
+        table[byte as usize] = crc;
         byte += 1;
     }
     table
