@@ -342,7 +342,7 @@ impl Channel {
         let drop_db = reception.disturbances.cn0_drop_db(reception.tag_s, signal.band);
         let fall_db = CN0_FALL_DB * (1.0 - view.sin_elevation);
         let cn0_dbhz = scenario.noise.cn0_zenith_dbhz - fall_db - drop_db;
-        let growth = growth(scenario.noise.law, view.sin_elevation, cn0_dbhz, drop_db);
+        let growth = Growth::new(scenario.noise.law, view.sin_elevation, cn0_dbhz, drop_db);
         let rate_mps = path.range_rate_mps + reception.clock.rate_mps
             - SPEED_OF_LIGHT_MPS * path.sender.clock_drift;
         let group_delay_m = view.ephemeris.group_delay_m(signal).unwrap_or(0.0);
@@ -351,19 +351,19 @@ impl Channel {
             + group_delay_m
             + code_bias_m
             + self.code_multipath_m
-            + noise.normal(scenario.noise.code_sd_m * growth);
+            + noise.normal(scenario.noise.code_sd_m * growth.code);
         let phase_cycles = (geometric_m - ionosphere + self.phase_multipath_m) / wavelength_m
             + self.integer as f64
             + phase_offset_cycles
             + phase_bias_cycles
-            + noise.normal(scenario.noise.phase_sd_cycles * growth);
+            + noise.normal(scenario.noise.phase_sd_cycles * growth.phase);
         Observation {
             satellite: view.ephemeris.satellite(),
             signal,
             pseudorange_m: Some(pseudorange_m),
             phase_cycles: Some(phase_cycles),
             doppler_hz: Some(
-                -rate_mps / wavelength_m + noise.normal(scenario.noise.doppler_sd_hz * growth),
+                -rate_mps / wavelength_m + noise.normal(scenario.noise.doppler_sd_hz * growth.code),
             ),
             cn0_dbhz: Some(cn0_dbhz + noise.normal(CN0_SD_DB)),
             lock: Lock::default(),
@@ -385,13 +385,28 @@ impl Channel {
     }
 }
 
-/// Factor of the standard deviations.
-fn growth(law: Law, sin_elevation: f64, cn0_dbhz: f64, drop_db: f64) -> f64 {
-    let weaker = |db: f64| 10f64.powf(db / 20.0);
-    match law {
-        Law::Flat => weaker(drop_db),
-        Law::Elevation => (1.0 / sin_elevation.max(1e-3)).min(LARGEST_GROWTH) * weaker(drop_db),
-        Law::Cn0 => weaker(REFERENCE_CN0_DBHZ - cn0_dbhz),
+/// Factors of the standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Growth {
+    /// Of pseudorange and Doppler.
+    code: f64,
+    phase: f64,
+}
+
+impl Growth {
+    fn new(law: Law, sin_elevation: f64, cn0_dbhz: f64, drop_db: f64) -> Self {
+        let weaker = |db: f64| 10f64.powf(db / 20.0);
+        let low = 1.0 / sin_elevation.max(1e-3);
+        let (code, phase) = match law {
+            Law::Flat => (1.0, 1.0),
+            Law::Elevation => (low.min(LARGEST_GROWTH), low.min(LARGEST_GROWTH)),
+            Law::Mixed => (low, (0.5 * (1.0 + low * low)).sqrt()),
+            Law::Cn0 => {
+                let both = weaker(REFERENCE_CN0_DBHZ - cn0_dbhz);
+                return Self { code: both, phase: both };
+            }
+        };
+        Self { code: code * weaker(drop_db), phase: phase * weaker(drop_db) }
     }
 }
 
@@ -434,11 +449,19 @@ mod tests {
 
     #[test]
     fn laws_of_noise() {
-        let half = 0.5;
-        assert!((growth(Law::Flat, half, 40.0, 0.0) - 1.0).abs() < 1e-15);
-        assert!((growth(Law::Elevation, half, 40.0, 0.0) - 2.0).abs() < 1e-15);
-        assert!((growth(Law::Elevation, 0.1, 40.0, 0.0) - 3.5).abs() < 1e-15);
-        assert!((growth(Law::Cn0, half, 39.0, 0.0) - 10f64.powf(0.3)).abs() < 1e-12);
-        assert!((growth(Law::Flat, half, 40.0, 6.0) - 10f64.powf(0.3)).abs() < 1e-12);
+        let growth = |law, sin_elevation, cn0_dbhz, drop_db| {
+            let Growth { code, phase } = Growth::new(law, sin_elevation, cn0_dbhz, drop_db);
+            [code, phase]
+        };
+        let off = |found: [f64; 2], code: f64, phase: f64| {
+            (found[0] - code).abs().max((found[1] - phase).abs())
+        };
+        assert!(off(growth(Law::Flat, 0.5, 40.0, 0.0), 1.0, 1.0) < 1e-15);
+        assert!(off(growth(Law::Elevation, 0.5, 40.0, 0.0), 2.0, 2.0) < 1e-15);
+        assert!(off(growth(Law::Elevation, 0.1, 40.0, 0.0), 3.5, 3.5) < 1e-15);
+        assert!(off(growth(Law::Mixed, 0.5, 40.0, 0.0), 2.0, 2.5f64.sqrt()) < 1e-15);
+        let weaker = 10f64.powf(0.3);
+        assert!(off(growth(Law::Cn0, 0.5, 39.0, 0.0), weaker, weaker) < 1e-12);
+        assert!(off(growth(Law::Flat, 0.5, 40.0, 6.0), weaker, weaker) < 1e-12);
     }
 }

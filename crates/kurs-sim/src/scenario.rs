@@ -120,6 +120,9 @@ pub enum Law {
     Elevation,
     /// As 10^((45 − C/N0)/20).
     Cn0,
+    /// Pseudorange and Doppler as 1/sin(elevation), phase as √((1 + 1/sin²(elevation))/2): half of
+    /// its variance does not depend on the elevation.
+    Mixed,
 }
 
 /// Coloured noise, first-order Gauss-Markov, growing as cos(elevation).

@@ -11,7 +11,7 @@ use core::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use crate::difference::{Combination, Link, combinations, covariance, equations};
-use crate::solution::SignalResidual;
+use crate::solution::{IntegerSum, SignalResidual};
 
 /// The solution whose residuals are wanted.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +54,31 @@ pub fn signal_residuals(
         }));
     }
     residuals
+}
+
+/// The integers, each with the links whose whole cycles it adds up.
+#[must_use]
+pub fn integer_sums(links: &[Link], groups: &[Range<usize>], integers: &[f64]) -> Vec<IntegerSum> {
+    let mut sums = Vec::with_capacity(integers.len());
+    for range in groups {
+        let of_group = &links[range.clone()];
+        for row in combinations(of_group, |link| link.phase_m.is_some()) {
+            let term = |(edge, sign): &(usize, f64)| {
+                let link = &of_group[*edge];
+                (link.antenna, link.satellite, link.signal, whole(*sign))
+            };
+            sums.push(IntegerSum { links: row.iter().map(term).collect(), cycles: 0 });
+        }
+    }
+    for (sum, integer) in sums.iter_mut().zip(integers) {
+        sum.cycles = whole(*integer);
+    }
+    sums
+}
+
+#[allow(clippy::cast_possible_truncation)] // integers already
+fn whole(value: f64) -> i64 {
+    value.round() as i64
 }
 
 /// `Σ Dᵀ (D Σ Dᵀ)⁻¹ r` of one group and one kind of observation; `None` without a double

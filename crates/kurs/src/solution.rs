@@ -95,6 +95,17 @@ pub struct EpochSolution {
     pub points: Vec<PointEstimate>,
     /// What the solution leaves of each signal; empty unless wanted.
     pub residuals: Vec<SignalResidual>,
+    /// The integers that the baselines rest on, accepted or not; empty unless wanted.
+    pub integers: Vec<IntegerSum>,
+}
+
+/// Whole cycles of the links of one double difference, added up with their signs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct IntegerSum {
+    /// Antenna, satellite, signal and sign of every link.
+    pub links: Vec<(usize, Satellite, Signal, i64)>,
+    /// The sum, cycles.
+    pub cycles: i64,
 }
 
 /// What the solution leaves of one signal at one antenna: the most probable error of the
@@ -194,6 +205,7 @@ impl EpochSolution {
             baselines: Vec::new(),
             points: Vec::new(),
             residuals: Vec::new(),
+            integers: Vec::new(),
         }
     }
 }

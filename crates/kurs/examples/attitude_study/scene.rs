@@ -31,43 +31,44 @@ impl Scene {
         body: Vec<Vector3<f64>>,
         noise: f64,
     ) -> Self {
-        let lines_of_sight: Vec<Vector3<f64>> = (0..satellites)
-            .map(|_| {
-                // Even over the sky above the mask.
-                let down = -random.random_range(10.0_f64.to_radians().sin()..1.0);
-                let azimuth = random.random_range(0.0..core::f64::consts::TAU);
-                let level = (1.0 - down * down).sqrt();
-                Vector3::new(level * azimuth.cos(), level * azimuth.sin(), down)
-            })
-            .collect();
+        let lines_of_sight = random_sky(random, satellites);
         let truth = random_rotation(random);
         let cycles: Vec<f64> =
             (0..satellites).map(|_| noise * random.random_range(0.02..0.07)).collect();
-        let rows = satellites * WAVELENGTHS_M.len();
-        let sigma_m: Vec<f64> = (0..rows)
-            .map(|row| cycles[row % satellites] * WAVELENGTHS_M[row / satellites])
-            .collect();
+        let mut scene = Self { lines_of_sight, body, sigma_m: on_bands(&cycles), phases_m: vec![] };
+        scene.draw(random, &truth, AntennaNoise::Shared);
+        scene
+    }
+
+    /// Draws new phases for this sky, with the attitude `truth`.
+    pub(crate) fn draw(
+        &mut self,
+        random: &mut impl Rng,
+        truth: &Matrix3<f64>,
+        reference: AntennaNoise,
+    ) {
         // A single difference has √2 times the noise of one antenna.
         let mut antenna_noise = || -> Vec<f64> {
-            sigma_m
-                .iter()
-                .map(|sigma| {
-                    let normal: f64 = StandardNormal.sample(random);
-                    normal * sigma * core::f64::consts::FRAC_1_SQRT_2
-                })
-                .collect()
+            let one = |sigma: &f64| {
+                let normal: f64 = StandardNormal.sample(random);
+                normal * sigma * core::f64::consts::FRAC_1_SQRT_2
+            };
+            self.sigma_m.iter().map(one).collect()
         };
-        let reference = antenna_noise();
-        let mut phases_m = Vec::with_capacity(rows * body.len());
-        for (index, l) in body.iter().enumerate() {
+        let mut at_reference = antenna_noise();
+        self.phases_m.clear();
+        for (index, l) in self.body.iter().enumerate() {
+            if index > 0 && reference == AntennaNoise::Own {
+                at_reference = antenna_noise();
+            }
             let rover = antenna_noise();
             let clock_m = 3.0 * index as f64 - 4.0;
-            for row in 0..rows {
-                let range = -lines_of_sight[row % satellites].dot(&(truth * l));
-                phases_m.push(range + clock_m + rover[row] - reference[row]);
+            for row in 0..self.sigma_m.len() {
+                let line_of_sight = self.lines_of_sight[row % self.lines_of_sight.len()];
+                let range = -line_of_sight.dot(&(truth * l));
+                self.phases_m.push(range + clock_m + rover[row] - at_reference[row]);
             }
         }
-        Self { lines_of_sight, body, sigma_m, phases_m }
     }
 
     /// The attitude problem of the scene.
@@ -83,6 +84,31 @@ impl Scene {
             phases_m: &self.phases_m,
         }
     }
+}
+
+/// Unit vectors towards satellites, even over the sky above 10°, north-east-down.
+pub(crate) fn random_sky(random: &mut impl Rng, satellites: usize) -> Vec<Vector3<f64>> {
+    let direction = |_| {
+        let down = -random.random_range(10.0_f64.to_radians().sin()..1.0);
+        let azimuth = random.random_range(0.0..core::f64::consts::TAU);
+        let level = (1.0 - down * down).sqrt();
+        Vector3::new(level * azimuth.cos(), level * azimuth.sin(), down)
+    };
+    (0..satellites).map(direction).collect()
+}
+
+/// Standard deviations in cycles, one for each satellite, as metres on both bands.
+pub(crate) fn on_bands(cycles: &[f64]) -> Vec<f64> {
+    WAVELENGTHS_M.iter().flat_map(|wavelength| cycles.iter().map(move |c| c * wavelength)).collect()
+}
+
+/// Whether all baselines have the noise of one reference antenna.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum AntennaNoise {
+    /// They do: equal antennas, differenced to the first.
+    Shared,
+    /// Every baseline has a reference antenna of its own.
+    Own,
 }
 
 /// Where the antennas of a study are.

@@ -14,7 +14,7 @@ use crate::ephemeris::NavigationData;
 use crate::float_solution::NoFloat;
 use crate::frames::Geodetic;
 use crate::observation::ArrayEpoch;
-use crate::signal_residuals::{Solved, signal_residuals};
+use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use fix::{Fixer, Verdict};
 use locate::{Located, locate};
@@ -97,6 +97,8 @@ impl Engine {
                 integers: outcome.integers.as_deref(),
             };
             row.residuals = signal_residuals(&self.links, &groups, &solved);
+            let sums = |integers| integer_sums(&self.links, &groups, integers);
+            row.integers = solved.integers.map_or_else(Vec::new, sums);
         }
         let orientation = orientation::orient(
             &outcome.baselines,

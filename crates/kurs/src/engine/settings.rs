@@ -39,7 +39,7 @@ pub struct Settings {
     pub max_tilt_rad: f64,
     /// Observation noise.
     pub noise: NoiseModel,
-    /// Whether rows carry the residuals of every signal.
+    /// Whether rows carry the residuals of every signal, and the integers.
     pub residuals: bool,
 }
 

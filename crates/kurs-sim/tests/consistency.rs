@@ -1,0 +1,156 @@
+//! Whether the estimator's own figures are true: with white noise of a known law, normalised squared
+//! errors have the mean of their χ², and integers are right as often as predicted. All bands are
+//! those of 99.9 %; seeds were chosen beforehand.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+mod solving;
+
+use core::ops::Range;
+
+use kurs::ambiguity::search::IntegerLeastSquares;
+use kurs::ambiguity::success_rate::bootstrapped_success_rate;
+use kurs::difference::{self, Link};
+use kurs::engine::{Constraint, Settings};
+use kurs::ephemeris::NavigationData;
+use kurs::float_solution::{FloatSolution, VarianceFactors};
+use kurs::frames::Geodetic;
+use kurs::point;
+use kurs::signal_residuals::integer_sums;
+use kurs::solution::Status;
+use kurs_sim::scenario::{MotionPlan, Scenario};
+use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
+use solving::{
+    Integers, NOISE, TrueCycles, angle_errors, baseline_error, normalised_square, settings,
+};
+
+/// Quantile of the normal distribution for a two-sided 99.9 %.
+const SIGMAS: f64 = 3.29;
+
+/// The mean of `count` squares with three degrees of freedom each is 3 within this.
+fn band(count: usize) -> f64 {
+    SIGMAS * (6.0 / count as f64).sqrt()
+}
+
+fn roof(seed: u64, epochs: usize) -> Scenario {
+    let mut scenario = solving::ready("roof-static");
+    solving::with_known_noise(&mut scenario);
+    (scenario.seed, scenario.interval_s) = (seed, 1.0);
+    scenario.duration_s = (epochs - 1) as f64;
+    scenario
+}
+
+#[test]
+fn angles_and_baselines_are_as_good_as_they_say() {
+    const EPOCHS: usize = 600;
+    let scenario = roof(11, EPOCHS);
+    let exact = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Array) };
+    let (mut angles, mut baselines, mut fixed) = (0.0, [0.0; 3], 0);
+    solving::solve(scenario, exact, |truth, row, integers| {
+        if row.status != Status::Fixed {
+            return;
+        }
+        assert_eq!(integers, Integers::Right, "{}", row.time);
+        fixed += 1;
+        let covariance = &row.attitude.as_ref().unwrap().covariance_rad2;
+        angles += normalised_square(&angle_errors(truth, row).unwrap(), covariance);
+        for (k, sum) in baselines.iter_mut().enumerate() {
+            let error = baseline_error(truth, row, k).unwrap();
+            *sum += normalised_square(&error, &row.baselines[k].covariance_m2);
+        }
+    });
+    assert!(fixed * 100 >= 99 * EPOCHS, "{fixed} of {EPOCHS} fixed");
+    for (name, sum) in ["angles", "baseline 1", "baseline 2", "baseline 3"]
+        .iter()
+        .zip([angles].into_iter().chain(baselines))
+    {
+        let mean = sum / fixed as f64;
+        println!("{name}: mean normalised square {mean:.3} of 3 ± {:.3}", band(fixed));
+        assert!((mean - 3.0).abs() < band(fixed), "{name}: {mean}");
+    }
+}
+
+/// One epoch of each of 300 skies, above the atmosphere, where the models of estimator and simulator
+/// agree: what is left is code noise, and orbits as accurate as they are broadcast (2 m).
+#[test]
+fn positions_are_as_good_as_they_say() {
+    const SKIES: usize = 300;
+    let mut sum = 0.0;
+    for seed in 0..SKIES {
+        let mut scenario = roof(1000 + seed as u64, 1);
+        scenario.atmosphere.ionosphere_zenith_m = 0.0;
+        scenario.sky.orbit_error_sd_m = 2.0;
+        scenario.start = format!("2024-03-10T{:02}:{:02}:00", seed % 24, seed % 60);
+        if let MotionPlan::Static { place, .. } = &mut scenario.body[0].motion {
+            place.height_m = 400e3;
+            place.longitude_deg = (37 * seed % 360) as f64;
+        }
+        scenario.body[0].antenna.truncate(2);
+        let known = settings(&scenario, Constraint::Length);
+        solving::solve(scenario, known, |truth, row, _| {
+            let position = row.position.as_ref().unwrap();
+            let to_ned = Geodetic::from_ecef(truth.position_m).ned_from_ecef();
+            let error = (to_ned * (position.position_m - truth.position_m)).xyz();
+            sum += normalised_square(&error, &position.covariance_m2);
+        });
+    }
+    let mean = sum / SKIES as f64;
+    println!("position: mean normalised square {mean:.3} of 3 ± {:.3}", band(SKIES));
+    assert!((mean - 3.0).abs() < band(SKIES), "{mean}");
+}
+
+/// The integers of a weak model, one band and eleven satellites, are right as often as the formula of
+/// bootstrapping says, or a little more often: least squares is the better estimator.
+#[test]
+fn integers_are_right_as_often_as_predicted() {
+    const EPOCHS: usize = 2000;
+    let mut scenario = roof(21, EPOCHS);
+    scenario.body[0].antenna.truncate(2);
+    scenario.sky.max_satellites = Some(11);
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let mut cycles = TrueCycles::of(simulation.scenario());
+    let mut search = IntegerLeastSquares::default();
+    let mut epoch = SimulatedEpoch::default();
+    let (mut right, mut predicted, mut variance) = (0.0, 0.0, 0.0);
+    while simulation.next_epoch(&mut epoch) {
+        cycles.take(&epoch);
+        let (links, groups) = differences(&epoch, simulation.navigation());
+        let exact = |_| VarianceFactors { code: 1.0, phase: 1.0 };
+        let float = FloatSolution::solve(&links, &groups, 0, &[1], exact).unwrap();
+        let ambiguities = float.ambiguities_cycles.as_slice();
+        let best = search.solve(ambiguities, &float.ambiguity_covariance, 1).unwrap();
+        let integers: Vec<f64> = best[0].integers.iter().map(|n| *n as f64).collect();
+        let sums = integer_sums(&links, &groups, &integers);
+        right += if cycles.judge(&sums) == Integers::Right { 1.0 } else { 0.0 };
+        let rate = bootstrapped_success_rate(search.decorrelation().conditional_variances());
+        predicted += rate;
+        variance += rate * (1.0 - rate);
+    }
+    let (share, expected) = (right / EPOCHS as f64, predicted / EPOCHS as f64);
+    let band = SIGMAS * f64::sqrt(variance) / EPOCHS as f64;
+    println!("right {share:.4}, predicted {expected:.4} ± {band:.4}");
+    assert!((0.2..0.95).contains(&expected), "a weak model was wanted: {expected}");
+    assert!(share > expected - band && share < expected + band + 0.05, "{share} {expected}");
+}
+
+/// Observed less computed of both antennas at their true places, and the groups of one code.
+fn differences(
+    epoch: &SimulatedEpoch,
+    navigation: &NavigationData,
+) -> (Vec<Link>, Vec<Range<usize>>) {
+    let body = &epoch.bodies[0];
+    let first_m = body.truth.position_m;
+    let ecef_from_ned = Geodetic::from_ecef(first_m).ecef_from_ned();
+    let (mut links, mut tracked) = (Vec::new(), Vec::new());
+    for (index, observed) in body.observed.antennas.iter().flatten().enumerate() {
+        point::track(observed, navigation, |_| true, &mut tracked);
+        let position_m = match index {
+            0 => first_m,
+            _ => first_m + ecef_from_ned * body.truth.baselines_m[index - 1],
+        };
+        let antenna = difference::Antenna { index, epoch: observed, tracked: &tracked, position_m };
+        let mask_rad = 10f64.to_radians();
+        difference::links(&antenna, navigation, &NOISE, mask_rad, |_| true, &mut links);
+    }
+    let groups = difference::group(&mut links);
+    (links, groups)
+}

@@ -1,0 +1,40 @@
+//! The ready scenarios solved as `kurs solve` would: fixed, right, and as accurate as they can be.
+//! Here a part of each; `cargo run --release -p kurs-sim --example scenarios` solves them whole.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+#[path = "solving/bound.rs"]
+mod bound;
+mod solving;
+
+use kurs::engine::Constraint;
+use solving::{Tally, settings};
+
+/// At least 99 % fixed, no integer wrong.
+#[test]
+fn moving_bodies_are_fixed_and_right() {
+    for name in ["car", "ship", "uav"] {
+        let mut scenario = solving::ready(name);
+        scenario.interval_s = 1.0;
+        let known = settings(&scenario, Constraint::Array);
+        let mut tally = Tally::default();
+        solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
+        println!("{name}: {tally:?}");
+        assert!(tally.fixed * 100 >= tally.epochs * 99, "{name}: {tally:?}");
+        assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
+    }
+}
+
+/// Errors within 5 % of the bound of Cramér and Rao for the phases that are used, and the 99.9 % band
+/// of so few epochs.
+#[test]
+fn the_roof_reaches_the_bound() {
+    let mut scenario = solving::ready("roof-static");
+    scenario.duration_s = 300.0;
+    let (tally, ratio) = bound::laid_against(scenario);
+    assert_eq!((tally.fixed, tally.wrong), (tally.epochs, 0), "{tally:?}");
+    let band = 3.29 / (2.0 * tally.fixed as f64).sqrt();
+    println!("heading, pitch, roll: {ratio:.3?} of the bound, band {band:.3}");
+    for (k, name) in ["heading", "pitch", "roll"].iter().enumerate() {
+        assert!(ratio[k] < 1.05 + band && ratio[k] > 1.0 - band, "{name}: {}", ratio[k]);
+    }
+}
