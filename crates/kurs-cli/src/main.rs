@@ -8,6 +8,7 @@ mod calibrate;
 mod config_file;
 mod demo;
 mod failure;
+mod inspect;
 mod orient;
 mod output;
 mod page;
@@ -44,6 +45,7 @@ enum Command {
     Plan(Box<plan::Args>),
     Track(track::Args),
     Calibrate(calibrate::Args),
+    Inspect(inspect::Args),
 }
 
 fn main() -> ExitCode {
@@ -56,6 +58,7 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(&args),
         Command::Track(args) => track::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
     };
     failure::exit_code(result)
 }

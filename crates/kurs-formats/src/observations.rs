@@ -9,7 +9,7 @@ use kurs::observation::AntennaEpoch;
 use crate::content::Content;
 use crate::damage::Damage;
 use crate::logs::LogReader;
-use crate::rinex::observation::{ObservationHeader, ObservationReader};
+use crate::rinex::observation::{EventLog, ObservationHeader, ObservationReader};
 use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
@@ -109,6 +109,15 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => reader.damage_count(),
             Self::Log(reader) => reader.damage_count(),
+        }
+    }
+
+    /// What happened between the observations so far; logs do not tell.
+    #[must_use]
+    pub const fn events(&self) -> Option<&EventLog> {
+        match self {
+            Self::Rinex(reader) => Some(reader.events()),
+            Self::Log(_) => None,
         }
     }
 

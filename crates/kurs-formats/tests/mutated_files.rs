@@ -113,3 +113,25 @@ fn antenna_files() {
         }
     }
 }
+
+#[test]
+fn position_files() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(6);
+    for seed in seeds("positions", "none") {
+        checks::position_file(&seed);
+        for _ in 0..1500 {
+            checks::position_file(&mutate(&mut random, &seed));
+        }
+    }
+}
+
+#[test]
+fn track_files() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+    for seed in seeds("track", "none") {
+        checks::track_file(&seed);
+        for _ in 0..1000 {
+            checks::track_file(&mutate(&mut random, &seed));
+        }
+    }
+}

@@ -208,6 +208,13 @@ impl AntennaCalibrations {
         with_radome.or_else(|| self.types.get(&(antenna, NO_RADOME.to_owned())))
     }
 
+    /// Every type with its radome, in the order of their names.
+    pub fn iter(&self) -> impl Iterator<Item = (String, &AntennaCalibration)> {
+        self.types
+            .iter()
+            .map(|((antenna, radome), calibration)| (format!("{antenna:<16}{radome}"), calibration))
+    }
+
     /// Number of antenna types.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -7,9 +7,11 @@ use std::io::Cursor;
 
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
+use kurs_formats::damage::DamageLog;
 use kurs_formats::observations::ObservationSource;
+use kurs_formats::positions::{PositionFix, csv, nmea};
 use kurs_formats::source::Source;
-use kurs_formats::{antex, navigation};
+use kurs_formats::{antex, navigation, tdm};
 
 /// Reads any bytes as an observation file; panics if what comes out makes no sense.
 pub fn observation_file(bytes: &[u8]) {
@@ -82,5 +84,30 @@ pub fn antenna_file(bytes: &[u8]) {
     for band in antenna.bands() {
         let correction_m = antenna.correction_m(band, 1.0, 0.5).expect("a calibrated band");
         assert!(correction_m.abs() < 40.0, "{correction_m} m");
+    }
+}
+
+/// Reads any bytes as antenna coordinates, in a table and in a log.
+pub fn position_file(bytes: &[u8]) {
+    let names = ["A0".to_owned(), "A1".to_owned()];
+    let mut damage = DamageLog::default();
+    let check = |fix: PositionFix| {
+        assert!(fix.antenna < names.len(), "{fix:?}");
+        assert!(fix.position_m.is_finite() && fix.position_m.norm() < 1e8, "{fix:?}");
+        assert!(fix.sd_ned_m.is_none_or(|sd| sd.iter().all(|s| s.is_finite() && *s >= 0.0)));
+    };
+    let source = || Source::new(Cursor::new(bytes.to_vec()), "any").ok();
+    // An error is one of the outcomes; what counts is what was given out before it.
+    let _ = source().map(|mut source| csv::read(&mut source, &names, &mut damage, check));
+    let _ = source().map(|mut source| nmea::read(&mut source, 1, &mut damage, check));
+}
+
+/// Reads any text as a tracking data message.
+pub fn track_file(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let _ = tdm::looks_like(text);
+    let Ok(data) = tdm::read(text) else { return };
+    for record in &data.records {
+        assert!(record.value.is_finite(), "{record:?}");
     }
 }

@@ -9,6 +9,7 @@ use kurs::signal::{Satellite, System};
 
 use super::columns::Columns;
 use super::epoch_line::{EpochFlag, EpochLine};
+use super::events::EventLog;
 use super::fields::{FIELD, Seen, drop_empty, is_observations, read_fields};
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
@@ -31,6 +32,7 @@ pub(super) struct EpochReader {
     pub(super) header: ObservationHeader,
     pub(super) damage: DamageLog,
     pub(super) slips: PendingSlips,
+    pub(super) events: EventLog,
     /// Fields with a number so far.
     pub(super) field_count: u64,
     /// One for each system, in the order of [`System::ALL`].
@@ -46,6 +48,7 @@ impl EpochReader {
             header,
             damage: DamageLog::default(),
             slips: PendingSlips::default(),
+            events: EventLog::default(),
             field_count: 0,
             columns: Default::default(),
             satellites: Vec::new(),
@@ -66,6 +69,7 @@ impl EpochReader {
                 continue;
             };
             let number = self.lines.line_number();
+            self.events.note(number, &line);
             match line.flag {
                 EpochFlag::Observations | EpochFlag::AfterPowerFailure => {
                     let all = self.slips.take_all();

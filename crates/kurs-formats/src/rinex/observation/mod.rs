@@ -7,6 +7,7 @@ mod columns;
 mod compact;
 mod epoch_line;
 mod epochs;
+mod events;
 mod fields;
 mod header;
 mod lines;
@@ -22,6 +23,7 @@ use kurs::signal::System;
 
 use self::compact::CompactLines;
 use self::epochs::EpochReader;
+pub use self::events::{Event, EventKind, EventLog};
 pub use self::header::{
     ObservationCode, ObservationHeader, PhaseShift, ScaleFactor, TimeSystem, Version,
 };
@@ -115,6 +117,12 @@ impl ObservationReader {
     #[must_use]
     pub const fn damage_count(&self) -> u64 {
         self.epochs.damage.total()
+    }
+
+    /// What happened between the observations so far: power failures, moves, external events.
+    #[must_use]
+    pub const fn events(&self) -> &EventLog {
+        &self.epochs.events
     }
 
     /// Fields of signals that were not blank so far: observations as the file counts them, zeros

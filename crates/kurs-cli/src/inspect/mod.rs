@@ -1,0 +1,165 @@
+//! `kurs inspect`: what is in a file, before anything is computed from it.
+
+mod antennas;
+mod arcs;
+mod navigation;
+mod observations;
+mod oddities;
+mod sky;
+mod text;
+mod timeline;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use kurs::ephemeris::NavigationData;
+use kurs_formats::content::Content;
+use kurs_formats::source::{ReadError, Source};
+use serde::Serialize;
+
+use crate::failure::UsageError;
+use crate::output::OutputFile;
+
+/// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files.
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Navigation files for the sky, not reported themselves (those among the files serve too).
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    nav: Vec<PathBuf>,
+    /// Writes everything as JSON, with the data of the sky plot, to a file; without one to
+    /// standard output in place of the tables.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
+    json: Option<Option<PathBuf>>,
+}
+
+/// What was found in one file.
+#[derive(Debug, Serialize)]
+#[serde(tag = "content", rename_all = "snake_case")]
+enum Report {
+    Observations(Box<observations::ObservationReport>),
+    Navigation(navigation::NavigationReport),
+    Antennas(antennas::AntennaReport),
+    Unusable { file: String, error: String },
+}
+
+/// What is not as it should be in a file.
+#[derive(Debug, Default, Serialize)]
+struct DamageReport {
+    /// All of it, the unlisted included.
+    count: u64,
+    listed: Vec<DamageLine>,
+}
+
+/// One thing that could not be used.
+#[derive(Debug, Serialize)]
+struct DamageLine {
+    line: u64,
+    what: String,
+}
+
+impl DamageReport {
+    fn new(listed: &[kurs_formats::damage::Damage], count: u64) -> Self {
+        let line = |d: &kurs_formats::damage::Damage| DamageLine {
+            line: d.line,
+            what: d.what.to_string(),
+        };
+        Self { count, listed: listed.iter().map(line).collect() }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    refuse_to_overwrite(args)?;
+    let navigation = read_navigation(args)?;
+    let mut reports = Vec::new();
+    for file in &args.files {
+        let report = inspect(file, &navigation).unwrap_or_else(|error| Report::Unusable {
+            file: file.display().to_string(),
+            error: error.to_string(),
+        });
+        if let Report::Unusable { error, .. } = &report {
+            eprintln!("error: {error}");
+        }
+        reports.push(report);
+    }
+
+    match &args.json {
+        Some(None) => println!("{}", serde_json::to_string_pretty(&reports)?),
+        Some(Some(path)) => {
+            write_json(path, &reports)?;
+            print!("{}", text::of(&reports));
+        }
+        None => print!("{}", text::of(&reports)),
+    }
+    let unusable = reports.iter().any(|report| matches!(report, Report::Unusable { .. }));
+    Ok(ExitCode::from(u8::from(unusable)))
+}
+
+/// An input must not become the output by a slip of the hand.
+fn refuse_to_overwrite(args: &Args) -> Result<(), UsageError> {
+    let Some(Some(target)) = &args.json else { return Ok(()) };
+    let same = |file: &PathBuf| match (file.canonicalize(), target.canonicalize()) {
+        (Ok(file), Ok(target)) => file == target,
+        _ => false,
+    };
+    match args.files.iter().chain(&args.nav).find(|file| same(file)) {
+        Some(file) => {
+            Err(UsageError(format!("--json={}: this is one of the inputs", file.display())))
+        }
+        None => Ok(()),
+    }
+}
+
+fn write_json(path: &Path, reports: &[Report]) -> anyhow::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = name.ok_or_else(|| UsageError(format!("--json={}: no file", path.display())))?;
+    let mut file = OutputFile::create(folder.unwrap_or(Path::new(".")), &name)?;
+    serde_json::to_writer_pretty(&mut file, reports)?;
+    file.write_all(b"\n")?;
+    file.finish()
+}
+
+/// Everything that tells where satellites were: the files of `--nav`, which must be usable, and
+/// those among the others.
+fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
+    let mut data = NavigationData::default();
+    for file in &args.nav {
+        kurs_formats::navigation::read(&mut Source::open(file)?, &mut data)?;
+    }
+    for file in &args.files {
+        // A file that cannot be read is told of where it is reported.
+        let Ok(mut source) = Source::open(file) else { continue };
+        let content = source.start(Content::ENOUGH).map(Content::of);
+        if matches!(content, Ok(Content::RinexNavigation | Content::Sp3)) {
+            let _ = kurs_formats::navigation::read(&mut source, &mut data);
+        }
+    }
+    Ok(data)
+}
+
+fn inspect(file: &Path, navigation: &NavigationData) -> Result<Report, ReadError> {
+    let mut source = Source::open(file)?;
+    match Content::of(source.start(Content::ENOUGH)?) {
+        Content::RinexNavigation => {
+            let content = "RINEX navigation";
+            navigation::inspect(&mut source, content).map(Report::Navigation)
+        }
+        Content::Sp3 => navigation::inspect(&mut source, "SP3 orbits").map(Report::Navigation),
+        Content::Antex => antennas::inspect(&mut source).map(Report::Antennas),
+        Content::RinexObservation
+        | Content::CompactRinex
+        | Content::Ubx
+        | Content::Rtcm3
+        | Content::Sbf => observations::inspect(source, navigation)
+            .map(|report| Report::Observations(Box::new(report))),
+        other => Err(source.wrong_content(
+            other.to_string(),
+            "observations, navigation data, orbits (SP3) or antennas (ANTEX)",
+        )),
+    }
+}

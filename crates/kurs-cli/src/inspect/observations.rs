@@ -1,0 +1,284 @@
+//! An observation file, epoch by epoch.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use kurs::ephemeris::NavigationData;
+use kurs::observation::{AntennaEpoch, Observation};
+use kurs::signal::{Satellite, Signal, System};
+use kurs_formats::content::Content;
+use kurs_formats::observations::ObservationSource;
+use kurs_formats::rinex::observation::{Event, ObservationHeader};
+use kurs_formats::source::{ReadError, Source};
+use serde::Serialize;
+
+use super::DamageReport;
+use super::arcs::{Arcs, Jumps, phases};
+use super::oddities::oddities;
+use super::sky::{SkyReport, SkyWatch};
+use super::timeline::{TimeReport, Timeline};
+
+/// What is in an observation file.
+#[derive(Debug, Serialize)]
+pub(super) struct ObservationReport {
+    pub(super) file: String,
+    pub(super) format: String,
+    /// `None` for a log.
+    pub(super) header: Option<HeaderReport>,
+    pub(super) time: TimeReport,
+    /// Number of satellites of each system.
+    pub(super) satellites: BTreeMap<String, usize>,
+    pub(super) signals: Vec<SignalReport>,
+    pub(super) geometry_free: Vec<JumpReport>,
+    pub(super) events: EventReport,
+    pub(super) sky: Option<SkyReport>,
+    pub(super) oddities: Vec<String>,
+    pub(super) damage: DamageReport,
+}
+
+/// The header, as far as it is of use to a human.
+#[derive(Debug, Serialize)]
+pub(super) struct HeaderReport {
+    pub(super) marker: String,
+    pub(super) receiver: String,
+    pub(super) antenna: String,
+    pub(super) approximate_position_ecef_m: Option<[f64; 3]>,
+    pub(super) interval_s: Option<f64>,
+}
+
+/// One signal over all satellites.
+#[derive(Debug, Serialize)]
+pub(super) struct SignalReport {
+    pub(super) signal: String,
+    pub(super) satellites: usize,
+    pub(super) pseudoranges: u64,
+    pub(super) phases: u64,
+    pub(super) dopplers: u64,
+    pub(super) cn0_dbhz: Option<Strength>,
+    /// Phases with loss-of-lock bit 0, the first one of an arc included.
+    pub(super) lock_lost: u64,
+    /// Those of them that continue an arc of phases: cycle slips that the receiver tells of.
+    pub(super) slips: u64,
+    /// Phases that may be off by half a cycle.
+    pub(super) half_cycles: u64,
+}
+
+/// Carrier-to-noise density ratio, dB-Hz.
+#[derive(Debug, Serialize)]
+pub(super) struct Strength {
+    pub(super) least: f64,
+    pub(super) mean: f64,
+    pub(super) most: f64,
+}
+
+/// Jumps of the difference of two phases of one satellite.
+#[derive(Debug, Serialize)]
+pub(super) struct JumpReport {
+    pub(super) signals: [String; 2],
+    pub(super) steps: u64,
+    pub(super) jumps: u64,
+    pub(super) unannounced: u64,
+}
+
+/// What happened between the observations.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct EventReport {
+    pub(super) count: u64,
+    pub(super) listed: Vec<EventLine>,
+}
+
+/// One event.
+#[derive(Debug, Serialize)]
+pub(super) struct EventLine {
+    pub(super) line: u64,
+    pub(super) time: Option<String>,
+    pub(super) what: String,
+}
+
+/// Counts of one signal.
+#[derive(Debug, Default)]
+struct SignalCount {
+    satellites: BTreeSet<Satellite>,
+    pseudoranges: u64,
+    phases: u64,
+    dopplers: u64,
+    strengths: u64,
+    strength_sum: f64,
+    strength_range: Option<(f64, f64)>,
+    lock_lost: u64,
+    slips: u64,
+    half_cycles: u64,
+}
+
+/// Everything that is gathered on the way through the file.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    pub(super) timeline: Timeline,
+    signals: BTreeMap<Signal, SignalCount>,
+    /// Number of the last epoch in which this phase was there.
+    last_phase: BTreeMap<(Satellite, Signal), u64>,
+    arcs: Arcs,
+    pub(super) satellites: BTreeSet<Satellite>,
+    /// Epochs whose receiver clock offset is stated and not applied.
+    pub(super) clock_offsets: u64,
+    /// GLONASS satellites whose frequency nobody tells.
+    pub(super) without_channel: BTreeSet<Satellite>,
+    epochs: u64,
+}
+
+/// Reads the file.
+pub(super) fn inspect(
+    mut source: Source,
+    navigation: &NavigationData,
+) -> Result<ObservationReport, ReadError> {
+    let content = Content::of(source.start(Content::ENOUGH)?);
+    let mut source = ObservationSource::from_source(source)?;
+    let mut gathered = Gathered::default();
+    let stated_m = source.header().and_then(|header| header.approximate_position_m);
+    let mut sky = SkyWatch::new(navigation, stated_m);
+    let mut epoch = AntennaEpoch::default();
+    while source.next_epoch(&mut epoch)? {
+        gathered.add(&epoch, |satellite| {
+            let told = source.glonass_channels().get(&satellite.number).copied();
+            told.or_else(|| navigation.ephemerides.glonass_channel(satellite))
+        });
+        sky.add(&epoch);
+    }
+    let sky = sky.report();
+    let header = source.header();
+    let mut oddities = oddities(header, &gathered, sky.as_ref());
+    if sky.is_none() && !navigation.ephemerides.is_empty() {
+        oddities.push("no sky: the navigation data are of other satellites or times".into());
+    }
+    Ok(ObservationReport {
+        file: source.name().to_owned(),
+        format: format_of(&content, header),
+        header: header.map(HeaderReport::new),
+        time: gathered.timeline.report(),
+        satellites: gathered.satellites_by_system(),
+        signals: gathered.signal_reports(),
+        geometry_free: gathered.jump_reports(),
+        events: events(&source),
+        oddities,
+        sky,
+        damage: DamageReport::new(source.damage(), source.damage_count()),
+    })
+}
+
+fn format_of(content: &Content, header: Option<&ObservationHeader>) -> String {
+    let version = header.map(|header| header.version).unwrap_or_default();
+    match content {
+        Content::RinexObservation => format!("RINEX {version} observations"),
+        Content::CompactRinex => format!("RINEX {version} observations, compact"),
+        other => other.to_string(),
+    }
+}
+
+fn events(source: &ObservationSource) -> EventReport {
+    let Some(log) = source.events() else { return EventReport::default() };
+    let line = |event: &Event| EventLine {
+        line: event.line,
+        time: event.time.map(|time| time.to_string()),
+        what: event.kind.to_string(),
+    };
+    EventReport { count: log.total(), listed: log.listed().iter().map(line).collect() }
+}
+
+impl HeaderReport {
+    fn new(header: &ObservationHeader) -> Self {
+        let joined = |parts: [&str; 2]| parts.join(" ").trim().to_owned();
+        Self {
+            marker: joined([&header.marker_name, &header.marker_number]),
+            receiver: joined([&header.receiver_type, &header.receiver_version]),
+            antenna: header.antenna_type.clone(),
+            approximate_position_ecef_m: header
+                .approximate_position_m
+                .map(|position_m| position_m.xyz().into()),
+            interval_s: header.interval_s,
+        }
+    }
+}
+
+impl Gathered {
+    fn add(&mut self, epoch: &AntennaEpoch, channel: impl Fn(Satellite) -> Option<i8>) {
+        let step_s = self.timeline.add(epoch.time);
+        self.epochs += 1;
+        self.clock_offsets += u64::from(epoch.clock_offset_s.is_some());
+        for observations in epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
+            let satellite = observations[0].satellite;
+            self.satellites.insert(satellite);
+            for observation in observations {
+                self.count(observation);
+            }
+            let channel = (satellite.system == System::Glonass).then(|| channel(satellite));
+            if channel == Some(None) {
+                self.without_channel.insert(satellite);
+            }
+            let phases = phases(observations, channel.flatten(), epoch.power_failure);
+            self.arcs.add(satellite, &phases, self.epochs, step_s);
+        }
+    }
+
+    fn count(&mut self, o: &Observation) {
+        let count = self.signals.entry(o.signal).or_default();
+        count.satellites.insert(o.satellite);
+        count.pseudoranges += u64::from(o.pseudorange_m.is_some());
+        count.dopplers += u64::from(o.doppler_hz.is_some());
+        if let Some(cn0) = o.cn0_dbhz {
+            count.strengths += 1;
+            count.strength_sum += cn0;
+            let (least, most) = count.strength_range.unwrap_or((cn0, cn0));
+            count.strength_range = Some((least.min(cn0), most.max(cn0)));
+        }
+        if o.phase_cycles.is_none() {
+            return;
+        }
+        count.phases += 1;
+        let before = self.last_phase.insert((o.satellite, o.signal), self.epochs);
+        let continues = before == Some(self.epochs - 1);
+        count.lock_lost += u64::from(o.lock.slipped());
+        count.slips += u64::from(o.lock.slipped() && continues);
+        count.half_cycles += u64::from(o.lock.half_cycle_unresolved());
+    }
+
+    /// The signals that were observed.
+    pub(super) fn observed(&self) -> impl Iterator<Item = Signal> {
+        self.signals.keys().copied()
+    }
+
+    fn satellites_by_system(&self) -> BTreeMap<String, usize> {
+        let mut systems = BTreeMap::new();
+        for satellite in &self.satellites {
+            *systems.entry(satellite.system.to_string()).or_default() += 1;
+        }
+        systems
+    }
+
+    fn signal_reports(&self) -> Vec<SignalReport> {
+        let report = |(signal, count): (&Signal, &SignalCount)| SignalReport {
+            signal: signal.to_string(),
+            satellites: count.satellites.len(),
+            pseudoranges: count.pseudoranges,
+            phases: count.phases,
+            dopplers: count.dopplers,
+            cn0_dbhz: count.strength_range.map(|(least, most)| Strength {
+                least,
+                mean: count.strength_sum / count.strengths as f64,
+                most,
+            }),
+            lock_lost: count.lock_lost,
+            slips: count.slips,
+            half_cycles: count.half_cycles,
+        };
+        self.signals.iter().map(report).collect()
+    }
+
+    fn jump_reports(&self) -> Vec<JumpReport> {
+        let report = |((a, b), jumps): (&(Signal, Signal), &Jumps)| JumpReport {
+            signals: [a.to_string(), b.to_string()],
+            steps: jumps.steps,
+            jumps: jumps.jumps,
+            unannounced: jumps.unannounced,
+        };
+        self.arcs.jumps.iter().map(report).collect()
+    }
+}

@@ -1,0 +1,186 @@
+//! `kurs inspect` as a user runs it: what is in the small files of the project.
+#![allow(clippy::unwrap_used)] // a test
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(name)
+}
+
+/// Exit status, standard output and standard error.
+fn inspect(arguments: &[&str]) -> (i32, String, String) {
+    let output =
+        Command::cargo_bin("kurs").unwrap().arg("inspect").args(arguments).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let said = text(&output.stderr);
+    assert!(!said.contains("panicked"), "{said}");
+    (output.status.code().unwrap(), text(&output.stdout), said)
+}
+
+fn json(arguments: &[&str]) -> Vec<Value> {
+    let arguments: Vec<&str> = ["--json"].iter().chain(arguments).copied().collect();
+    let (status, printed, said) = inspect(&arguments);
+    assert_eq!(status, 0, "{said}");
+    serde_json::from_str(&printed).unwrap()
+}
+
+#[test]
+fn an_observation_file_in_numbers() {
+    let path = file("observation/events_3.rnx");
+    let reports = json(&[path.to_str().unwrap()]);
+    let report = &reports[0];
+    assert_eq!(report["content"], "observations");
+    assert_eq!(report["format"], "RINEX 3.05 observations");
+    assert_eq!(report["header"]["marker"], "TEST");
+    let time = &report["time"];
+    assert_eq!((&time["epochs"], &time["interval_s"]), (&12.into(), &1.0.into()));
+    assert_eq!(time["first"], "2024-06-24T08:59:55.000");
+    assert_eq!(time["last"], "2024-06-24T09:00:06.000");
+    assert_eq!(time["gaps"]["count"], 0);
+    assert_eq!(report["satellites"]["GPS"], 6);
+
+    let g1c = &report["signals"][0];
+    assert_eq!(g1c["signal"], "G1C");
+    // grep -c '^G' counts 68 lines; G30 has no phase at 09:00:01.
+    assert_eq!((&g1c["pseudoranges"], &g1c["phases"]), (&68.into(), &67.into()));
+    // G03 by its slip record, G22 and G19 by their digits.
+    assert_eq!(g1c["slips"], 3);
+
+    let events = &report["events"];
+    assert_eq!(events["count"], 2);
+    assert_eq!(events["listed"][0]["what"], "cycle slip records");
+    assert_eq!(events["listed"][0]["time"], "2024-06-24T08:59:57.500");
+    assert_eq!(events["listed"][1]["what"], "new header records");
+    assert_eq!(report["sky"], Value::Null);
+}
+
+#[test]
+fn gaps_events_and_damage_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = String::new();
+    for (content, label) in [
+        ("     3.05           OBSERVATION DATA    M", "RINEX VERSION / TYPE"),
+        ("G    2 C1C L1C", "SYS / # / OBS TYPES"),
+        ("    30.000", "INTERVAL"),
+        ("  2024     6    24     8     0    0.0000000     GPS", "TIME OF FIRST OBS"),
+        ("", "END OF HEADER"),
+    ] {
+        text += &format!("{content:<60}{label}\n");
+    }
+    for second in [0, 1, 2, 3, 13, 14, 14, 15] {
+        text += &format!("> 2024 06 24 08 00 {second:02}.0000000  0  1\n");
+        text += "G05  22000000.000   115600000.000 7\n";
+        if second == 3 {
+            text += ">                              5  0\n";
+            text += "> 2024 06 24 08 00 03.5000000  2  0\n";
+        }
+        if second == 15 {
+            text += "not a satellite\n";
+        }
+    }
+    let path = folder.path().join("a.obs");
+    fs::write(&path, text).unwrap();
+    let report = &json(&[path.to_str().unwrap()])[0];
+    let gaps = &report["time"]["gaps"];
+    assert_eq!((&gaps["count"], &gaps["missing_epochs"]), (&1.into(), &9.into()));
+    assert_eq!(gaps["listed"][0]["from"], "2024-06-24T08:00:03.000");
+    let events = &report["events"]["listed"];
+    assert_eq!(events[0]["what"], "external event");
+    assert_eq!(events[0]["time"], Value::Null);
+    assert_eq!(events[1]["what"], "the antenna starts to move");
+    let damage = report["damage"].to_string();
+    assert!(damage.contains("is not later than the one before, skipped"), "{damage}");
+    assert!(damage.contains("not the line of a satellite"), "{damage}");
+    let oddities = report["oddities"].to_string();
+    assert!(oddities.contains("the header says an interval of 30 s, it is 1 s"), "{oddities}");
+    assert!(oddities.contains("no approximate position"), "{oddities}");
+
+    let (status, printed, _) = inspect(&[path.to_str().unwrap()]);
+    assert_eq!(status, 0);
+    for expected in ["1 (9 epochs missing, longest 10 s)", "external event", "damage"] {
+        assert!(printed.contains(expected), "{expected}: {printed}");
+    }
+}
+
+#[test]
+fn navigation_orbits_and_antennas() {
+    let paths =
+        ["navigation/mixed_3.rnx", "navigation/precise.sp3", "antenna/invented.atx"].map(file);
+    let paths = paths.each_ref().map(|path| path.to_str().unwrap());
+    let reports = json(&paths);
+    assert_eq!(reports[0]["content"], "navigation");
+    assert!(reports[0]["systems"].as_array().unwrap().len() > 1);
+    assert_eq!(reports[1]["format"], "SP3 orbits");
+    assert_eq!(reports[1]["systems"][0]["records"], 2);
+    assert_eq!(reports[2]["content"], "antennas");
+    assert_eq!(
+        reports[2]["types"][0]["bands"][0]["offset_m"],
+        serde_json::json!([0.001, -0.002, 0.06])
+    );
+    let (status, printed, _) = inspect(&paths);
+    assert_eq!(status, 0);
+    assert!(printed.contains("TESTANT_A"), "{printed}");
+}
+
+/// An unusable file is named, the others are reported, and the exit status tells.
+#[test]
+fn unusable_files_are_named() {
+    let good = file("observation/mixed_3.rnx");
+    let text = file("observation/README.md");
+    for (bad, expected) in [("absent.obs", "absent.obs: "), (text.to_str().unwrap(), "found text")]
+    {
+        let (status, printed, said) = inspect(&[bad, good.to_str().unwrap()]);
+        assert_eq!(status, 1);
+        assert!(said.contains(expected), "{said}");
+        assert!(printed.contains("mixed_3.rnx: RINEX 3.05 observations"), "{printed}");
+    }
+    assert_eq!(inspect(&[]).0, 2);
+}
+
+#[test]
+fn json_goes_to_a_file_and_never_over_an_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("a.obs");
+    fs::copy(file("observation/mixed_3.rnx"), &input).unwrap();
+    let output = folder.path().join("a.json");
+    let flag = format!("--json={}", output.display());
+    let (status, printed, _) = inspect(&[&flag, input.to_str().unwrap()]);
+    assert_eq!(status, 0);
+    assert!(printed.contains("a.obs"));
+    let reports: Vec<Value> = serde_json::from_str(&fs::read_to_string(&output).unwrap()).unwrap();
+    assert_eq!(reports.len(), 1);
+
+    let before = fs::read(&input).unwrap();
+    let (status, _, said) =
+        inspect(&[&format!("--json={}", input.display()), input.to_str().unwrap()]);
+    assert_eq!(status, 2);
+    assert!(said.contains("one of the inputs"), "{said}");
+    assert_eq!(fs::read(&input).unwrap(), before);
+}
+
+/// The sky of a recording: what stood high was observed.
+#[test]
+fn sky_of_a_recording() {
+    let data = std::env::var_os("KURS_DATA")
+        .map_or(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let folder = data.join("upc2011");
+    if !folder.is_dir() {
+        println!("skipped: no recordings in {}", data.display());
+        return;
+    }
+    let [obs, nav] = ["UPC10770.11o", "brdc0770.11n"].map(|name| folder.join(name));
+    let report = &json(&[obs.to_str().unwrap(), &format!("--nav={}", nav.display())])[0];
+    let sky = &report["sky"];
+    assert!((sky["latitude_deg"].as_f64().unwrap() - 41.3889).abs() < 1e-3);
+    assert_eq!(sky["looks"], 30);
+    for ring in &sky["rings"].as_array().unwrap()[1..] {
+        assert_eq!(ring["in_view"], ring["observed"], "{ring}");
+    }
+    let first = &sky["satellites"][0]["points"][0];
+    assert!((0.0..360.0).contains(&first["azimuth_deg"].as_f64().unwrap()));
+    assert_eq!(report["geometry_free"][0]["jumps"], 0);
+}
