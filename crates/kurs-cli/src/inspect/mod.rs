@@ -15,6 +15,7 @@ use std::process::ExitCode;
 
 use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
+use kurs_formats::damage::Damage;
 use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
@@ -51,23 +52,22 @@ enum Report {
 struct DamageReport {
     /// All of it, the unlisted included.
     count: u64,
+    /// What `at` counts: lines, or bytes of a log.
+    unit: &'static str,
     listed: Vec<DamageLine>,
 }
 
 /// One thing that could not be used.
 #[derive(Debug, Serialize)]
 struct DamageLine {
-    line: u64,
+    at: u64,
     what: String,
 }
 
 impl DamageReport {
-    fn new(listed: &[kurs_formats::damage::Damage], count: u64) -> Self {
-        let line = |d: &kurs_formats::damage::Damage| DamageLine {
-            line: d.line,
-            what: d.what.to_string(),
-        };
-        Self { count, listed: listed.iter().map(line).collect() }
+    fn new(listed: &[Damage], count: u64) -> Self {
+        let line = |d: &Damage| DamageLine { at: d.line, what: d.what.to_string() };
+        Self { count, unit: "line", listed: listed.iter().map(line).collect() }
     }
 }
 

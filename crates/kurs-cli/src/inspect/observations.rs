@@ -160,7 +160,10 @@ pub(super) fn inspect(
         events: events(&source),
         oddities,
         sky,
-        damage: DamageReport::new(source.damage(), source.damage_count()),
+        damage: DamageReport {
+            unit: if header.is_some() { "line" } else { "byte" },
+            ..DamageReport::new(source.damage(), source.damage_count())
+        },
     })
 }
 

@@ -238,7 +238,8 @@ fn antennas(report: &AntennaReport) -> String {
 /// Oddities and damage.
 fn closing(text: &mut String, oddities: &[String], damage: &DamageReport) {
     list(text, "oddities", oddities.iter().cloned(), oddities.len() as u64);
-    let places = damage.listed.iter().map(|place| format!("line {}: {}", place.line, place.what));
+    let places =
+        damage.listed.iter().map(|place| format!("{} {}: {}", damage.unit, place.at, place.what));
     list(text, "damage", places, damage.count);
 }
 
