@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::frames::{Body, Vector};
 use crate::signal::Band;
 
 /// Values of a pattern that are admitted, m.
@@ -142,13 +143,26 @@ impl PhaseCenter {
         self.variation_m(azimuth_rad, elevation_rad) - along
     }
 
+    /// [`PhaseCenter::correction_m`] where nobody knows how the antenna is turned about its vertical
+    /// axis: the horizontal offset and the dependence on the azimuth are left out.
+    #[must_use]
+    pub fn mean_correction_m(&self, elevation_rad: f64) -> f64 {
+        self.mean_variation_m(elevation_rad) - self.offset_m[2] * elevation_rad.sin()
+    }
+
+    fn mean_variation_m(&self, elevation_rad: f64) -> f64 {
+        let (column, share) =
+            self.zenith.place(90.0 - elevation_rad.to_degrees(), self.mean_m.len());
+        self.mean_m[column] + share * (self.mean_m[column + 1] - self.mean_m[column])
+    }
+
     /// The variation alone, interpolated in both angles.
     fn variation_m(&self, azimuth_rad: f64, elevation_rad: f64) -> f64 {
+        let Some(azimuth) = self.azimuth else { return self.mean_variation_m(elevation_rad) };
         let columns = self.mean_m.len();
         let (column, share) = self.zenith.place(90.0 - elevation_rad.to_degrees(), columns);
         let row =
             |pattern: &[f64]| pattern[column] + share * (pattern[column + 1] - pattern[column]);
-        let Some(azimuth) = self.azimuth else { return row(&self.mean_m) };
         let turned_deg = (azimuth_rad.to_degrees() - azimuth.first_deg).rem_euclid(360.0);
         let rows = self.table_m.len() / columns;
         let (below, share) = azimuth.place(azimuth.first_deg + turned_deg, rows);
@@ -175,6 +189,23 @@ impl AntennaCalibration {
         self.bands.get(&band)
     }
 
+    /// The phase centre of a band, else that of the calibrated band with the nearest frequency: many
+    /// calibrations know GPS and GLONASS only, whose bands lie beside those of the other systems.
+    #[must_use]
+    pub fn nearest_phase_center(&self, band: Band) -> Option<&PhaseCenter> {
+        let frequency_hz = |band: Band| band.frequency_hz(Some(0));
+        let apart_hz = |known: Band| {
+            frequency_hz(known)
+                .zip(frequency_hz(band))
+                .map_or(f64::INFINITY, |(known, wanted)| (known - wanted).abs())
+        };
+        self.bands.get(&band).or_else(|| {
+            let nearest =
+                self.bands.iter().min_by(|(a, _), (b, _)| apart_hz(**a).total_cmp(&apart_hz(**b)));
+            nearest.map(|(_, center)| center)
+        })
+    }
+
     /// [`PhaseCenter::correction_m`] of a band; `None` if the band was not calibrated.
     #[must_use]
     pub fn correction_m(&self, band: Band, azimuth_rad: f64, elevation_rad: f64) -> Option<f64> {
@@ -184,6 +215,40 @@ impl AntennaCalibration {
     /// The calibrated bands in their order.
     pub fn bands(&self) -> impl Iterator<Item = Band> {
         self.bands.keys().copied()
+    }
+}
+
+/// An antenna on a body, its plane level with the body's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MountedAntenna {
+    calibration: AntennaCalibration,
+    orientation_rad: f64,
+}
+
+impl MountedAntenna {
+    /// `orientation_rad`: how far the antenna's north mark is turned from the body's forward axis,
+    /// clockwise seen from above.
+    #[must_use]
+    pub const fn new(calibration: AntennaCalibration, orientation_rad: f64) -> Self {
+        Self { calibration, orientation_rad }
+    }
+
+    /// How much longer a range of `band` is than one to the antenna's reference point (m), for a
+    /// line of sight (unit vector) in the axes of the body.
+    #[must_use]
+    pub fn correction_m(&self, band: Band, line_of_sight: Vector<Body>) -> f64 {
+        let [forward, right, down]: [f64; 3] = line_of_sight.xyz().into();
+        let azimuth_rad = right.atan2(forward) - self.orientation_rad;
+        let elevation_rad = (-down).atan2(forward.hypot(right));
+        let center = self.calibration.nearest_phase_center(band);
+        center.map_or(0.0, |center| center.correction_m(azimuth_rad, elevation_rad))
+    }
+
+    /// The same while the attitude is not known: of a level body with any heading.
+    #[must_use]
+    pub fn level_correction_m(&self, band: Band, elevation_rad: f64) -> f64 {
+        let center = self.calibration.nearest_phase_center(band);
+        center.map_or(0.0, |center| center.mean_correction_m(elevation_rad))
     }
 }
 
@@ -312,6 +377,25 @@ mod tests {
             let axis = Axis { step_deg, ..ZENITH };
             assert!(matches!(new(axis, vec![0.0; 4]), Err(BadCalibration::Angles { .. })));
         }
+    }
+
+    /// An antenna with its north mark to the right of the body: what comes from the right comes from
+    /// its north, what comes from behind from its east.
+    #[test]
+    fn a_mounted_antenna_turns_with_the_body() {
+        let north_east_up = PhaseCenter::new([0.010, 0.003, 0.060], ZENITH, vec![0.0; 4], None);
+        let mut calibration = AntennaCalibration::default();
+        let band = Band::new(System::Gps, 1);
+        calibration.insert(band, north_east_up.unwrap());
+        let mounted = MountedAntenna::new(calibration, 90f64.to_radians());
+        let at = |x, y, z| mounted.correction_m(band, Vector::new(x, y, z));
+        assert!((at(0.0, 1.0, 0.0) - -0.010).abs() < 1e-15);
+        assert!((at(-1.0, 0.0, 0.0) - -0.003).abs() < 1e-15);
+        assert!((at(0.0, 0.0, -1.0) - -0.060).abs() < 1e-15);
+        assert!((mounted.level_correction_m(band, 30f64.to_radians()) - -0.030).abs() < 1e-15);
+        // E1 has the frequency of G1; a band far away takes what there is.
+        let e1 = Band::new(System::Galileo, 1);
+        assert_eq!(mounted.correction_m(e1, Vector::new(0.0, 0.0, -1.0)), at(0.0, 0.0, -1.0));
     }
 
     #[test]

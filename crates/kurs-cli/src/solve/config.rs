@@ -24,6 +24,8 @@ pub(crate) struct Config {
     #[serde(default)]
     pub(crate) nav: NavTable,
     #[serde(default)]
+    pub(crate) antex: AntexTable,
+    #[serde(default)]
     pub(crate) solve: SolveTable,
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
@@ -36,6 +38,18 @@ pub(crate) struct AntennaTable {
     pub(crate) name: String,
     pub(crate) obs: Vec<PathBuf>,
     pub(crate) position_m: Option<[f64; 3]>,
+    /// IGS name of type and radome, to be found in the ANTEX files.
+    pub(crate) antenna_type: Option<String>,
+    /// The north mark against the body's forward axis, clockwise seen from above.
+    pub(crate) antenna_orientation_deg: Option<f64>,
+}
+
+/// Antenna calibrations.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AntexTable {
+    #[serde(default)]
+    pub(crate) files: Vec<PathBuf>,
 }
 
 /// Navigation files.
@@ -274,7 +288,7 @@ impl Loaded {
     }
 
     fn check(&self) -> Result<(), UsageError> {
-        let Config { antenna, nav, solve, point } = &self.config;
+        let Config { antenna, nav, antex, solve, point } = &self.config;
         if antenna.len() < 2 {
             return Err(UsageError(format!(
                 "{} `[[antenna]]` in the configuration, at least two are needed for an attitude",
@@ -298,6 +312,29 @@ impl Loaded {
         }
         if nav.files.is_empty() {
             return Err(UsageError("no navigation file: give `[nav] files` or --nav FILE".into()));
+        }
+        for a in antenna {
+            match (&a.antenna_type, a.antenna_orientation_deg) {
+                (Some(_), _) if antex.files.is_empty() => {
+                    return Err(UsageError(format!(
+                        "antenna `{}`: `antenna_type` needs the calibrations: give `[antex] files`",
+                        a.name
+                    )));
+                }
+                (None, Some(_)) => {
+                    return Err(UsageError(format!(
+                        "antenna `{}`: `antenna_orientation_deg` without `antenna_type`",
+                        a.name
+                    )));
+                }
+                (_, Some(degrees)) if !(-360.0..=360.0).contains(&degrees) => {
+                    return Err(UsageError(format!(
+                        "antenna `{}`: `antenna_orientation_deg` is {degrees}, expected -360 to 360",
+                        a.name
+                    )));
+                }
+                _ => {}
+            }
         }
         let positions = antenna.iter().filter(|a| a.position_m.is_some()).count();
         if positions != 0 && positions != antenna.len() {
@@ -441,12 +478,24 @@ impl Loaded {
             let position = antenna.position_m.map_or(String::new(), |p| format!(" at {p:?} m"));
             let files: Vec<_> =
                 antenna.obs.iter().map(|p| self.path(p).display().to_string()).collect();
+            let mount = antenna.antenna_type.as_ref().map_or(String::new(), |name| {
+                let degrees = antenna.antenna_orientation_deg.unwrap_or(0.0);
+                format!(", {name} turned by {degrees} deg")
+            });
             let _ = writeln!(
                 text,
-                "antenna {} = {}{position}  [{}]",
+                "antenna {} = {}{position}{mount}  [{}]",
                 antenna.name,
                 files.join(", "),
                 origin("antenna")
+            );
+        }
+        for file in &self.config.antex.files {
+            let _ = writeln!(
+                text,
+                "antex.files = {}  [{}]",
+                self.path(file).display(),
+                origin("antex.files")
             );
         }
         for file in &self.config.nav.files {

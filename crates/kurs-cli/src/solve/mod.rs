@@ -2,6 +2,7 @@
 
 mod config;
 mod nmea;
+mod phase_centers;
 mod review;
 mod streams;
 
@@ -111,7 +112,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (navigation, mut damage) = read_navigation(&loaded)?;
     let mut streams = Streams::open(observation_files(&loaded))?;
     let mut review = Review::new(args, &loaded, &navigation)?;
-    let mut engine = Engine::new(settings, navigation).map_err(|e| UsageError(e.to_string()))?;
+    let mounts = phase_centers::read(&loaded, &mut damage)?;
+    let mut engine = Engine::new(settings, navigation)
+        .map_err(|e| UsageError(e.to_string()))?
+        .with_phase_centers(mounts);
     let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
     let names = antenna_names(&loaded);
     let capable = streams.antennas_with_epochs() >= 2;

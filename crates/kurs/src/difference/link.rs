@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
+use crate::antenna_calibration::MountedAntenna;
 use crate::atmosphere::Troposphere;
 use crate::ephemeris::NavigationData;
-use crate::frames::{Ecef, Vector};
+use crate::frames::{Body, Ecef, Rotation, Vector};
 use crate::observation::AntennaEpoch;
 use crate::point::Tracked;
 use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
@@ -48,6 +49,21 @@ pub struct Antenna<'a> {
     pub tracked: &'a [Tracked],
     /// Approximate position, m.
     pub position_m: Vector<Ecef>,
+    /// Its phase centres, if they are known.
+    pub mount: Option<&'a MountedAntenna>,
+    /// The body's axes, as far as they are known: phase centres turn with them.
+    pub body_from_ecef: Option<Rotation<Body, Ecef>>,
+}
+
+impl Antenna<'_> {
+    /// How much longer a range is than one to the antenna's reference point, m.
+    fn phase_center_m(&self, band: Band, line_of_sight: Vector<Ecef>, elevation_rad: f64) -> f64 {
+        match (self.mount, self.body_from_ecef) {
+            (None, _) => 0.0,
+            (Some(mount), Some(axes)) => mount.correction_m(band, axes * line_of_sight),
+            (Some(mount), None) => mount.level_correction_m(band, elevation_rad),
+        }
+    }
 }
 
 /// Appends the links of one antenna for the wanted bands, satellites above the mask.
@@ -83,6 +99,8 @@ pub fn links(
         for observation in observations.iter().filter(|o| wanted(o.signal.band)) {
             let band = observation.signal.band;
             let Some(wavelength_m) = band.wavelength_m(channel) else { continue };
+            let computed_m =
+                computed_m + antenna.phase_center_m(band, view.line_of_sight, elevation_rad);
             let whole_cycles = !observation.lock.half_cycle_unresolved();
             // Differences between GLONASS FDMA carriers are no whole numbers of one wavelength.
             let one_carrier = band.frequency_hz(None).is_some();

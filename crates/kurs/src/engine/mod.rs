@@ -8,11 +8,12 @@ mod settings;
 
 pub use settings::{Constraint, Settings, SettingsError};
 
+use crate::antenna_calibration::MountedAntenna;
 use crate::baseline::Baselines;
 use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
 use crate::float_solution::NoFloat;
-use crate::frames::Geodetic;
+use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation};
 use crate::observation::ArrayEpoch;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
@@ -27,6 +28,10 @@ pub struct Engine {
     located: Vec<Located>,
     links: Vec<Link>,
     fixer: Fixer,
+    /// Phase centres of the antennas; empty if none is known.
+    mounts: Vec<Option<MountedAntenna>>,
+    /// Of the last epoch that was fixed.
+    ned_from_body: Option<Rotation<Ned, Body>>,
 }
 
 impl Engine {
@@ -43,7 +48,20 @@ impl Engine {
             located: Vec::new(),
             links: Vec::new(),
             fixer: Fixer::default(),
+            mounts: Vec::new(),
+            ned_from_body: None,
         })
+    }
+
+    /// The same with the phase centres of the antennas (`None` where they are not known). The places
+    /// of the antennas, and the baselines, are then those of their reference points.
+    ///
+    /// The phase centres turn with the body, by the attitude of the last epoch that was fixed; until
+    /// there is one, the horizontal offsets (some millimetres) are left out.
+    #[must_use]
+    pub fn with_phase_centers(mut self, mounts: Vec<Option<MountedAntenna>>) -> Self {
+        self.mounts = mounts;
+        self
     }
 
     /// Attitude, baselines and position of one epoch.
@@ -109,13 +127,25 @@ impl Engine {
         (row.status, row.reason) = judge(outcome.verdict, &orientation, &self.settings);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.ok();
+        self.remember_axes(row);
         self.place_body(&outcome.baselines, row);
         Ok(())
+    }
+
+    /// Keeps the body's axes of a fixed epoch; two antennas leave the roll open, it counts as zero.
+    fn remember_axes(&mut self, row: &EpochSolution) {
+        let Some(attitude) = row.attitude.filter(|_| row.status == Status::Fixed) else { return };
+        let Some(heading_rad) = attitude.heading_rad else { return };
+        let (pitch_rad, roll_rad) =
+            (attitude.pitch_rad.unwrap_or(0.0), attitude.roll_rad.unwrap_or(0.0));
+        self.ned_from_body = Some(Attitude { heading_rad, pitch_rad, roll_rad }.ned_from_body());
     }
 
     /// Observed less computed for every antenna, at its own reception time.
     fn form_links(&mut self, epoch: &ArrayEpoch, frame: &locate::CommonFrame) {
         self.links.clear();
+        let body_from_ecef =
+            self.ned_from_body.map(|n| n.inverse() * frame.horizon.ned_from_ecef());
         for (located, position_m) in self.located.iter().zip(&frame.positions_m) {
             let Some(observed) = &epoch.antennas[located.antenna] else { continue };
             let antenna = difference::Antenna {
@@ -123,6 +153,8 @@ impl Engine {
                 epoch: observed,
                 tracked: &located.tracked,
                 position_m: *position_m,
+                mount: self.mounts.get(located.antenna).and_then(Option::as_ref),
+                body_from_ecef,
             };
             difference::links(
                 &antenna,
