@@ -13,7 +13,7 @@ use kurs::fusion::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
 use crate::output::OutputFile;
-use crate::sensor_log::SensorLog;
+use crate::sensor_log::{Backwards, SensorLog};
 
 /// Bias, scale and misalignment of accelerometers; bias and noise of gyros.
 #[derive(Debug, clap::Args)]
@@ -134,7 +134,7 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
 }
 
 fn read(file: &Path) -> anyhow::Result<SensorLog> {
-    let log = SensorLog::read(file)?;
+    let log = SensorLog::read(file, Backwards::LeftOut)?;
     log.damage.iter().for_each(|damage| eprintln!("{damage}"));
     Ok(log)
 }

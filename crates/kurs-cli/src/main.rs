@@ -8,6 +8,7 @@ mod calibrate;
 mod config_file;
 mod demo;
 mod failure;
+mod fuse;
 mod inspect;
 mod orient;
 mod output;
@@ -45,6 +46,7 @@ enum Command {
     Plan(Box<plan::Args>),
     Track(track::Args),
     Calibrate(calibrate::Args),
+    Fuse(fuse::Args),
     Inspect(inspect::Args),
 }
 
@@ -59,6 +61,7 @@ fn main() -> ExitCode {
         Command::Track(args) => track::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Fuse(args) => fuse::run(&args),
     };
     failure::exit_code(result)
 }

@@ -1,12 +1,19 @@
-//! Logs of inertial sensors as CSV: the header names columns and units, `time_s, ax_mps2, …`.
+//! Logs of inertial sensors as CSV: the header names columns and units, `time_s, ax_mps2, …`, and
+//! the angle of a rotating arm, `arm_deg`, where an encoder measures it.
 
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use nalgebra::Vector3;
 
+use crate::summary::Damage;
+
 /// Standard gravity, the unit "g".
 const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
+
+/// Endings of accelerometer columns and what they stand for in m/s².
+const ACCELERATION_UNITS: [(&str, f64); 3] =
+    [("mps2", 1.0), ("g", STANDARD_GRAVITY_MPS2), ("mg", STANDARD_GRAVITY_MPS2 * 1e-3)];
 
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
@@ -19,8 +26,27 @@ pub(crate) struct SensorLog {
     pub(crate) accelerometer: Vec<Vector3<f64>>,
     /// rad/s; empty if the file has none.
     pub(crate) gyro: Vec<Vector3<f64>>,
-    /// What was left out, with its line.
-    pub(crate) damage: Vec<String>,
+    /// rad; empty if the file has none.
+    pub(crate) arm_angle: Vec<f64>,
+    /// What was left out.
+    pub(crate) damage: Vec<Damage>,
+}
+
+/// What happens to a row whose time is not later than that of the row before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Backwards {
+    /// It is left out and noted.
+    LeftOut,
+    /// It is kept where it stands.
+    Kept,
+}
+
+/// Columns by their place in a row.
+struct Columns {
+    time: usize,
+    accelerometer: Option<Triple>,
+    gyro: Option<Triple>,
+    arm_angle: Option<usize>,
 }
 
 /// Three columns and the factor to SI units.
@@ -31,7 +57,7 @@ struct Triple {
 
 impl SensorLog {
     /// Reads a file.
-    pub(crate) fn read(path: &Path) -> anyhow::Result<Self> {
+    pub(crate) fn read(path: &Path, backwards: Backwards) -> anyhow::Result<Self> {
         let name = path.display();
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
@@ -40,21 +66,21 @@ impl SensorLog {
             .from_path(path)
             .with_context(|| format!("{name}: cannot be read"))?;
         let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
-        let columns: Vec<&str> = header.iter().collect();
-        let Some(time) = columns.iter().position(|column| *column == "time_s") else {
-            bail!("{name}:1: no column `time_s`; found: {}", columns.join(", "));
+        let names: Vec<&str> = header.iter().collect();
+        let Some(time) = names.iter().position(|column| *column == "time_s") else {
+            bail!("{name}:1: no column `time_s`; found: {}", names.join(", "));
         };
-        let accelerometer = triple(
-            &columns,
-            'a',
-            &[("mps2", 1.0), ("g", STANDARD_GRAVITY_MPS2), ("mg", STANDARD_GRAVITY_MPS2 * 1e-3)],
-        );
-        let gyro = triple(&columns, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]);
-        if accelerometer.is_none() && gyro.is_none() {
+        let columns = Columns {
+            time,
+            accelerometer: triple(&names, 'a', &ACCELERATION_UNITS),
+            gyro: triple(&names, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]),
+            arm_angle: names.iter().position(|name| *name == "arm_deg"),
+        };
+        if columns.accelerometer.is_none() && columns.gyro.is_none() {
             bail!(
                 "{name}:1: no sensor columns; expected ax_mps2, ay_mps2, az_mps2 (or _g, _mg) or \
                  gx_radps, gy_radps, gz_radps (or _degps); found: {}",
-                columns.join(", ")
+                names.join(", ")
             );
         }
         let mut log = Self::default();
@@ -62,11 +88,14 @@ impl SensorLog {
             match record {
                 Ok(record) => {
                     let line = record.position().map_or(0, csv::Position::line);
-                    if let Err(what) = log.add(&record, time, &accelerometer, &gyro) {
-                        log.note(format!("{name}:{line}: {what}"));
+                    if let Err(what) = log.add(&record, &columns, backwards) {
+                        log.note(path, line, what);
                     }
                 }
-                Err(error) => log.note(format!("{name}: {error}")),
+                Err(error) => {
+                    let line = error.position().map_or(0, csv::Position::line);
+                    log.note(path, line, error.to_string());
+                }
             }
         }
         if log.time_s.is_empty() {
@@ -85,28 +114,31 @@ impl SensorLog {
     fn add(
         &mut self,
         record: &csv::StringRecord,
-        time: usize,
-        accelerometer: &Option<Triple>,
-        gyro: &Option<Triple>,
+        columns: &Columns,
+        backwards: Backwards,
     ) -> Result<(), String> {
-        let time_s = number(record, time)?;
-        if let Some(last) = self.time_s.last().filter(|last| time_s <= **last) {
+        let time_s = number(record, columns.time)?;
+        let last = self.time_s.last().filter(|last| time_s <= **last);
+        if let (Some(last), Backwards::LeftOut) = (last, backwards) {
             return Err(format!("time goes back from {last} s to {time_s} s"));
         }
-        let force = accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
-        let rate = gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
+        let force = columns.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
+        let rate = columns.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
+        let angle = columns.arm_angle.map(|column| number(record, column)).transpose()?;
         self.time_s.push(time_s);
         self.accelerometer.extend(force);
         self.gyro.extend(rate);
+        self.arm_angle.extend(angle.map(f64::to_radians));
         Ok(())
     }
 
-    fn note(&mut self, what: String) {
-        if self.damage.len() < LISTED_DAMAGE {
-            self.damage.push(what);
-        } else if self.damage.len() == LISTED_DAMAGE {
-            self.damage.push("and more".to_owned());
-        }
+    fn note(&mut self, path: &Path, line: u64, what: String) {
+        let what = match self.damage.len() {
+            0..LISTED_DAMAGE => what,
+            LISTED_DAMAGE => "and more".to_owned(),
+            _ => return,
+        };
+        self.damage.push(Damage { file: path.display().to_string(), line, what });
     }
 }
 

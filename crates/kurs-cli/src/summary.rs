@@ -1,6 +1,7 @@
 //! `summary.json`: what a run did, in numbers.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use kurs::solution::{EpochSolution, Status};
@@ -31,6 +32,12 @@ impl Damage {
     /// What a reader reports of `file`.
     pub(crate) fn new(file: String, damage: &kurs_formats::damage::Damage) -> Self {
         Self { file, line: damage.line, what: damage.what.to_string() }
+    }
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.file, self.line, self.what)
     }
 }
 
@@ -112,7 +119,8 @@ impl Summary {
         self.moments.get_mut(name).expect("inserted above")
     }
 
-    fn count(&self, status: Status) -> u64 {
+    /// Number of rows with a status.
+    pub(crate) fn count(&self, status: Status) -> u64 {
         self.by_status.get(status.word()).copied().unwrap_or(0)
     }
 

@@ -81,6 +81,11 @@ const POINTS: &[&str] = &[
     "status",
 ];
 
+/// Starts the table `attitude` alone.
+pub(crate) fn create_attitude(directory: &Path, format: TableFormat) -> anyhow::Result<Table> {
+    Table::create(directory, "attitude", format, ATTITUDE)
+}
+
 /// The tables of one run, in one format.
 #[derive(Debug)]
 pub(crate) struct Tables {
@@ -101,7 +106,7 @@ impl Tables {
     ) -> anyhow::Result<Self> {
         let table = |stem, columns| Table::create(directory, stem, format, columns);
         Ok(Self {
-            attitude_table: table("attitude", ATTITUDE)?,
+            attitude_table: create_attitude(directory, format)?,
             baseline_table: table("baselines", BASELINES)?,
             point_table: (!points.is_empty()).then(|| table("points", POINTS)).transpose()?,
             antennas,
@@ -159,7 +164,8 @@ impl Tables {
     }
 }
 
-fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
+/// Writes the row of one epoch.
+pub(crate) fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
     time_columns(t, row.time);
     t.text(row.status.word());
     t.text(row.reason.map_or("", |reason| reason.word()));
@@ -183,7 +189,7 @@ fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
 }
 
 /// `time_gpst, gps_week, tow_s`
-fn time_columns(t: &mut Table, time: GpsTime) {
+pub(crate) fn time_columns(t: &mut Table, time: GpsTime) {
     let digits = if time.as_nanoseconds() % 1_000_000 == 0 { 3 } else { 7 };
     t.text(&time.calendar().iso(digits));
     t.integer(time.week());

@@ -5,6 +5,7 @@
 //! two.
 #![forbid(unsafe_code)]
 
+pub mod arm_recording;
 mod disturbance;
 pub mod inertial;
 pub mod motion;

@@ -73,22 +73,30 @@ pub struct ArmScenario {
     pub radius_m: f64,
     /// f.
     pub rate_hz: f64,
+    /// The arm's angle at time zero.
+    pub phase_rad: f64,
+    /// Centre of rotation in body axes (forward, up, right).
+    pub centre_m: Vector3<f64>,
+    /// Body axes from the arm's axes, in which it turns from x towards y.
+    pub body_from_arm: Matrix3<f64>,
+    /// Whether the accelerometers turn with the arm; parallel to the body at angle zero.
+    pub triad_turns: bool,
 }
 
 /// The true motion at an instant, ECEF; body axes forward, up, right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmTruth {
-    /// Centre.
+    /// Origin of the body axes; the centre of rotation unless the scenario puts it elsewhere.
     pub position_m: Vector3<f64>,
-    /// Centre.
+    /// Likewise.
     pub velocity_mps: Vector3<f64>,
-    /// Centre.
+    /// Likewise.
     pub acceleration_mps2: Vector3<f64>,
     /// Antenna.
     pub antenna_m: Vector3<f64>,
     /// Antenna.
     pub antenna_velocity_mps: Vector3<f64>,
-    /// What ideal accelerometers along the body axes read, at the antenna.
+    /// What ideal accelerometers at the antenna read, in body axes unless they turn with the arm.
     pub specific_force_mps2: Vector3<f64>,
     /// Roll, pitch, heading, rad.
     pub angles_rad: Vector3<f64>,
@@ -109,6 +117,10 @@ impl ArmScenario {
             heading_rad: 30f64.to_radians(),
             radius_m: 1.0,
             rate_hz: 1.0,
+            phase_rad: 0.0,
+            centre_m: Vector3::zeros(),
+            body_from_arm: Matrix3::identity(),
+            triad_turns: false,
         }
     }
 
@@ -126,10 +138,17 @@ impl ArmScenario {
     /// where they have no closed form.
     #[must_use]
     pub fn run(&self, step_s: f64, samples: usize) -> Vec<ArmTruth> {
+        self.run_from(0.0, step_s, samples)
+    }
+
+    /// As [`ArmScenario::run`] on a grid that begins at another time, where the body then is at the
+    /// site.
+    #[must_use]
+    pub fn run_from(&self, first_s: f64, step_s: f64, samples: usize) -> Vec<ArmTruth> {
         let mut displacement_m = Vector3::zeros();
         let mut run = Vec::with_capacity(samples);
         for sample in 0..samples {
-            let time_s = sample as f64 * step_s;
+            let time_s = first_s + sample as f64 * step_s;
             run.push(self.truth(time_s, &displacement_m));
             // Simpson's rule over the step; exact for straight courses.
             let velocity = |t: f64| self.course_velocity(t);
@@ -185,16 +204,31 @@ impl ArmScenario {
             acceleration_mps2,
             antenna_m: position_m + relative_m,
             antenna_velocity_mps,
-            specific_force_mps2: ecef_from_body.transpose() * felt,
+            specific_force_mps2: self.triad_from_body(time_s) * (ecef_from_body.transpose() * felt),
             angles_rad: Vector3::new(self.roll_rad, self.pitch_rad, self.heading_at_rad(time_s)),
             ecef_from_body,
         }
     }
 
-    /// The arm's end in body axes: turns from forward towards up.
+    fn arm_angle_rad(&self, time_s: f64) -> f64 {
+        TAU * self.rate_hz * time_s + self.phase_rad
+    }
+
+    /// The arm's end in body axes.
     fn arm(&self, time_s: f64) -> Vector3<f64> {
-        let (sin, cos) = (TAU * self.rate_hz * time_s).sin_cos();
-        Vector3::new(cos, sin, 0.0) * self.radius_m
+        let (sin, cos) = self.arm_angle_rad(time_s).sin_cos();
+        self.centre_m + self.body_from_arm * Vector3::new(cos, sin, 0.0) * self.radius_m
+    }
+
+    /// The accelerometers' axes.
+    fn triad_from_body(&self, time_s: f64) -> Matrix3<f64> {
+        if !self.triad_turns {
+            return Matrix3::identity();
+        }
+        let (sin, cos) = self.arm_angle_rad(time_s).sin_cos();
+        // The arm's axes turned back by its angle, seen in body axes.
+        let back = Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0);
+        self.body_from_arm * back * self.body_from_arm.transpose()
     }
 
     /// Three left-handed turns about up, right and forward.

@@ -134,8 +134,8 @@ pub struct Health {
     pub accelerometer: Tally,
     /// Values that were infinite or not a number.
     pub unusable: usize,
-    /// The accelerometers were at the end of their range.
-    pub saturated: bool,
+    /// Accelerometer samples at the end of their range.
+    pub saturated: usize,
 }
 
 /// Why the filter could not take an epoch; it stays as it was.
@@ -332,6 +332,19 @@ impl ArmFilter {
         self.decode().1.motion
     }
 
+    /// Where the antenna is now, ECEF, m.
+    #[must_use]
+    pub fn antenna_m(&self) -> Vector3<f64> {
+        let angle_rad = self.settings.arm.angle_rad(self.time_s) + self.arm_correction();
+        ArmEnd::new(&self.motion(), &self.settings.arm.at_angle(angle_rad)).position_m()
+    }
+
+    /// Sets the receiver clock and forgets what was known of it: the receiver has set it.
+    pub fn forget_clock(&mut self, clock_m: f64, standard_deviation_m: f64) {
+        self.state[CLOCK] = clock_m;
+        self.estimate.forget(CLOCK, standard_deviation_m);
+    }
+
     /// Diagonal of the process noise that the next step of the same length adds.
     #[must_use]
     pub fn process_noise_diagonal(&self) -> DVector<f64> {
@@ -379,8 +392,9 @@ impl ArmFilter {
             health.unusable += 1;
             return None;
         }
-        health.saturated = force.amax() >= self.settings.accelerometer_range_mps2;
-        (!health.saturated).then_some(force)
+        let saturated = force.amax() >= self.settings.accelerometer_range_mps2;
+        health.saturated += usize::from(saturated);
+        (!saturated).then_some(force)
     }
 
     /// Fills the batch with the innovations and gradients of everything measured.
@@ -504,7 +518,23 @@ impl ArmFilter {
     }
 }
 
+impl Health {
+    /// Adds the health of a later instant.
+    pub fn add(&mut self, later: &Self) {
+        self.gnss.add(&later.gnss);
+        self.accelerometer.add(&later.accelerometer);
+        self.unusable += later.unusable;
+        self.saturated += later.saturated;
+    }
+}
+
 impl Tally {
+    fn add(&mut self, later: &Self) {
+        self.used += later.used;
+        self.rejected += later.rejected;
+        self.nis += later.nis;
+    }
+
     pub(super) fn of(outcomes: &[super::kalman::Outcome]) -> Self {
         let used = outcomes.iter().filter(|outcome| outcome.accepted).count();
         let nis = outcomes.iter().map(|outcome| outcome.normalised_square).sum();

@@ -1,0 +1,259 @@
+//! What `kurs fuse` writes: `attitude.csv` as `kurs solve` does, `health.csv`, `summary.json`.
+
+use std::path::Path;
+
+use kurs::fusion::arm_filter::{Health, Tally};
+use kurs::fusion::arm_session::{Event, SessionRow};
+use kurs::solution::Status;
+use kurs::time::GpsTime;
+use serde::Serialize;
+
+use crate::output::OutputFile;
+use crate::summary::{Damage, Summary};
+use crate::table::{Table, TableFormat};
+use crate::tables::{create_attitude, time_columns, write_attitude};
+use crate::truth::{Truth, difference_deg};
+
+/// Health of the filter since the row before.
+const HEALTH: &[&str] = &[
+    "time_gpst",
+    "gps_week",
+    "tow_s",
+    "gnss_used",
+    "gnss_rejected",
+    "gnss_nis",
+    "accelerometer_used",
+    "accelerometer_rejected",
+    "accelerometer_nis",
+    "saturated",
+    "unusable",
+    "event",
+];
+
+/// The filter is compared with the truth from so long after its first row.
+const SETTLED_S: f64 = 10.0;
+
+/// The tables in the making.
+pub(super) struct Rows {
+    attitude: Table,
+    health: Table,
+    truth: Option<Truth>,
+    first: Option<GpsTime>,
+    errors: Errors,
+    summary: Summary,
+    total: Health,
+    events: Vec<String>,
+}
+
+/// Sums of squares over the compared rows.
+#[derive(Debug, Default)]
+struct Errors {
+    rows: u32,
+    squares: [f64; 3],
+    normalised: [f64; 3],
+}
+
+/// What stands in `summary.json` besides the summary of the rows.
+#[derive(Debug, Serialize)]
+struct FusionSummary<'a> {
+    #[serde(flatten)]
+    rows: crate::summary::SummaryFile<'a>,
+    filter: FilterSummary,
+    events: &'a [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<TruthSummary>,
+}
+
+#[derive(Debug, Serialize)]
+struct FilterSummary {
+    gnss: TallySummary,
+    accelerometer: TallySummary,
+    saturated: usize,
+    unusable: usize,
+    too_late: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct TallySummary {
+    used: usize,
+    rejected: usize,
+    /// Mean normalised innovation squared of the used ones; 1 for noise as stated.
+    mean_nis: Option<f64>,
+}
+
+/// Agreement with the truth, from ten seconds after the first row.
+#[derive(Debug, Serialize)]
+struct TruthSummary {
+    rows: u32,
+    heading_rms_deg: f64,
+    pitch_rms_deg: f64,
+    roll_rms_deg: f64,
+    /// Mean of (error / sigma)².
+    heading_normalised: f64,
+    pitch_normalised: f64,
+    roll_normalised: f64,
+}
+
+impl Rows {
+    pub(super) fn create(directory: &Path, truth: Option<Truth>) -> anyhow::Result<Self> {
+        Ok(Self {
+            attitude: create_attitude(directory, TableFormat::Csv)?,
+            health: Table::create(directory, "health", TableFormat::Csv, HEALTH)?,
+            truth,
+            first: None,
+            errors: Errors::default(),
+            summary: Summary::default(),
+            total: Health::default(),
+            events: Vec::new(),
+        })
+    }
+
+    /// Writes the rows of one epoch.
+    pub(super) fn write(&mut self, row: &SessionRow) -> anyhow::Result<()> {
+        let solution = &row.solution;
+        write_attitude(&mut self.attitude, solution)?;
+        self.summary.add(solution, false, &[]);
+        self.total.add(&row.health);
+        self.write_health(row)?;
+        self.compare(row);
+        for (time_s, event) in &row.events {
+            let text = format!("{time_s:.3} s: {event}");
+            if !matches!(event, Event::Started) {
+                eprintln!("{text}");
+            }
+            self.events.push(text);
+        }
+        Ok(())
+    }
+
+    fn write_health(&mut self, row: &SessionRow) -> anyhow::Result<()> {
+        let (t, health) = (&mut self.health, &row.health);
+        let whole = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+        time_columns(t, row.solution.time);
+        for tally in [health.gnss, health.accelerometer] {
+            t.integer(whole(tally.used));
+            t.integer(whole(tally.rejected));
+            t.real(Some(tally.nis), 3);
+        }
+        t.integer(whole(health.saturated));
+        t.integer(whole(health.unusable));
+        let events: Vec<String> = row.events.iter().map(|(_, event)| event.to_string()).collect();
+        t.text(&events.join("; "));
+        t.end_row()
+    }
+
+    fn compare(&mut self, row: &SessionRow) {
+        let solution = &row.solution;
+        let (Some(attitude), Some(truth)) = (&solution.attitude, &self.truth) else { return };
+        let first = *self.first.get_or_insert(solution.time);
+        let Some(wanted) = truth.at(solution.time) else { return };
+        if solution.time - first < SETTLED_S {
+            return;
+        }
+        self.errors.rows += 1;
+        let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
+        for (k, angle_rad) in angles.into_iter().enumerate() {
+            let Some(angle_rad) = angle_rad else { continue };
+            let error_deg = difference_deg(angle_rad.to_degrees(), wanted.angles_deg[k]);
+            let sd_deg = attitude.covariance_rad2[(k, k)].sqrt().to_degrees();
+            self.errors.squares[k] += error_deg * error_deg;
+            self.errors.normalised[k] += (error_deg / sd_deg).powi(2);
+        }
+    }
+
+    /// Ends the tables; `false` if no row has an attitude.
+    pub(super) fn finish(
+        self,
+        directory: &Path,
+        configuration: &str,
+        damage: &[Damage],
+        too_late: usize,
+        wall_s: f64,
+    ) -> anyhow::Result<Finished> {
+        let filter = FilterSummary {
+            gnss: TallySummary::of(&self.total.gnss),
+            accelerometer: TallySummary::of(&self.total.accelerometer),
+            saturated: self.total.saturated,
+            unusable: self.total.unusable,
+            too_late,
+        };
+        let finished = Finished {
+            has_solution: self.summary.has_solution(),
+            main_reason: self.summary.main_reason(),
+            text: text(&self.summary, &filter, &self.errors),
+        };
+        let summary = FusionSummary {
+            rows: self.summary.file(configuration, damage, wall_s),
+            filter,
+            events: &self.events,
+            truth: self.errors.summary(),
+        };
+        let mut json = OutputFile::create(directory, "summary.json")?;
+        serde_json::to_writer_pretty(&mut json, &summary)?;
+        json.finish()?;
+        self.attitude.finish()?;
+        self.health.finish()?;
+        Ok(finished)
+    }
+}
+
+/// How the run ended.
+pub(super) struct Finished {
+    pub(super) has_solution: bool,
+    pub(super) main_reason: Option<&'static str>,
+    /// For the terminal.
+    pub(super) text: String,
+}
+
+impl TallySummary {
+    fn of(tally: &Tally) -> Self {
+        let mean_nis = (tally.used > 0).then(|| tally.nis / tally.used as f64);
+        Self { used: tally.used, rejected: tally.rejected, mean_nis }
+    }
+}
+
+impl Errors {
+    fn summary(&self) -> Option<TruthSummary> {
+        let rows = f64::from(self.rows);
+        let [heading, pitch, roll] = self.squares.map(|sum| (sum / rows).sqrt());
+        let normalised = self.normalised.map(|sum| sum / rows);
+        (self.rows > 0).then_some(TruthSummary {
+            rows: self.rows,
+            heading_rms_deg: heading,
+            pitch_rms_deg: pitch,
+            roll_rms_deg: roll,
+            heading_normalised: normalised[0],
+            pitch_normalised: normalised[1],
+            roll_normalised: normalised[2],
+        })
+    }
+}
+
+/// The few lines a user wants to see at the end.
+fn text(summary: &Summary, filter: &FilterSummary, errors: &Errors) -> String {
+    let mut lines = vec![format!(
+        "{} epochs: {} with attitude, {} lost",
+        summary.epochs(),
+        summary.count(Status::Float),
+        summary.count(Status::Lost)
+    )];
+    for (name, tally) in [("GNSS", &filter.gnss), ("accelerometers", &filter.accelerometer)] {
+        let nis = tally.mean_nis.map_or_else(String::new, |nis| format!(", mean NIS {nis:.3}"));
+        lines.push(format!("{name}: {} used, {} rejected{nis}", tally.used, tally.rejected));
+    }
+    let odd = [
+        ("saturated", filter.saturated),
+        ("not a number", filter.unusable),
+        ("too late", filter.too_late),
+    ];
+    for (what, count) in odd.iter().filter(|(_, count)| *count > 0) {
+        lines.push(format!("left out: {count} {what}"));
+    }
+    if let Some(errors) = errors.summary() {
+        lines.push(format!(
+            "against the truth, from {SETTLED_S} s on: heading {:.3}°, pitch {:.3}°, roll {:.3}° RMS",
+            errors.heading_rms_deg, errors.pitch_rms_deg, errors.roll_rms_deg
+        ));
+    }
+    lines.join("\n")
+}
