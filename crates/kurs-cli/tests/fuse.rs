@@ -237,7 +237,7 @@ fn a_long_gap_starts_the_filter_anew() {
     edit(&made.join("arm.rnx"), |_, line| {
         if let Some(epoch) = line.strip_prefix('>') {
             let second: f64 = epoch[17..28].trim().parse().unwrap();
-            inside = (25.0..38.0).contains(&second) && epoch[14..16].trim() == "00";
+            inside = (25.0..38.0).contains(&second) && epoch[14..17].trim() == "00";
         }
         (!inside).then(|| line.to_owned())
     });
@@ -266,7 +266,7 @@ fn few_satellites_are_used_as_they_are() {
                 35.0..40.0 => 0,
                 _ => usize::MAX,
             };
-            if epoch[14..16].trim() != "00" {
+            if epoch[14..17].trim() != "00" {
                 allowed = usize::MAX;
             }
             let count: usize = epoch[31..34].trim().parse().unwrap();

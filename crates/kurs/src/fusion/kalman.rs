@@ -2,7 +2,8 @@
 //!
 //! Measurements of one instant are linearised together, gated against the covariance before any of
 //! them, and then absorbed one scalar after another; with independent noise that is the batch
-//! update, equation (9)–(10), without a matrix inverse.
+//! update, equation (9)–(10), without a matrix inverse. P hᵀ is formed once for each measurement and
+//! carried through the updates before it, so that P itself is written once for all of them.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -13,8 +14,10 @@ pub struct Estimate {
     pub covariance: DMatrix<f64>,
     /// δx: sum of the corrections since `Estimate::begin`.
     pub correction: DVector<f64>,
-    gain: DVector<f64>,
-    projection: DVector<f64>,
+    /// For each measurement of a batch p = P hᵀ, after the ones before it.
+    projections: Vec<f64>,
+    /// For each accepted one what is taken from P: K pᵀ + r Kᵀ.
+    downdates: Vec<f64>,
 }
 
 /// Linearised scalar measurements of one instant.
@@ -113,8 +116,8 @@ impl Estimate {
         Self {
             covariance: DMatrix::from_diagonal(&variances),
             correction: DVector::zeros(n),
-            gain: DVector::zeros(n),
-            projection: DVector::zeros(n),
+            projections: Vec::new(),
+            downdates: Vec::new(),
         }
     }
 
@@ -139,85 +142,118 @@ impl Estimate {
         self.covariance[(state, state)] = standard_deviation * standard_deviation;
     }
 
-    /// h P hᵀ + N.
-    pub fn innovation_variance(&mut self, gradient: &[f64], variance: f64) -> f64 {
-        self.project(gradient);
-        dot(gradient, self.projection.as_slice()) + variance
-    }
-
     /// Gates the batch against the covariance before it, then absorbs what passed, in its order.
     /// The correction of the state is left in [`Estimate::correction`].
     pub fn update(&mut self, batch: &mut Batch, gate: Gate) {
         self.correction.fill(0.0);
+        self.project(batch);
         for k in 0..batch.len() {
             let accepted = self.passes(gate, batch, k);
             batch.outcomes.push(Outcome { accepted, normalised_square: 0.0 });
         }
+        self.downdates.clear();
         for k in 0..batch.len() {
             if batch.outcomes[k].accepted {
-                let (innovation, variance) = (batch.innovations[k], batch.variances[k]);
-                let square = self.absorb(batch.gradient(k), innovation, variance);
-                batch.outcomes[k].normalised_square = square;
+                batch.outcomes[k].normalised_square = self.absorb(batch, k);
             }
         }
-        self.symmetrise();
+        self.take_from_covariance();
     }
 
-    fn passes(&mut self, gate: Gate, batch: &Batch, k: usize) -> bool {
+    fn passes(&self, gate: Gate, batch: &Batch, k: usize) -> bool {
         let square = batch.innovations[k].powi(2);
         match gate {
             Gate::Open => square.is_finite(),
             Gate::NoiseOnly { sigmas } => square < sigmas * sigmas * batch.variances[k],
             Gate::Innovation { sigmas } => {
-                let s = self.innovation_variance(batch.gradient(k), batch.variances[k]);
+                let n = self.correction.len();
+                let projection = &self.projections[k * n..][..n];
+                let s = dot(batch.gradient(k), projection) + batch.variances[k];
                 square < sigmas * sigmas * s
             }
         }
     }
 
     /// One scalar measurement in Joseph's form; returns its normalised squared innovation.
-    fn absorb(&mut self, gradient: &[f64], innovation: f64, variance: f64) -> f64 {
-        self.project(gradient);
-        // S = h P hᵀ + N,  K = P hᵀ / S
-        let s = dot(gradient, self.projection.as_slice()) + variance;
-        self.gain.copy_from(&self.projection);
-        self.gain /= s;
+    fn absorb(&mut self, batch: &Batch, k: usize) -> f64 {
+        let n = self.correction.len();
+        let gradient = batch.gradient(k);
+        let (before, later) = self.projections.split_at_mut((k + 1) * n);
+        let p = &before[k * n..];
+        // S = h P hᵀ + N,  K = P hᵀ / S,  r = p − K S
+        let s = dot(gradient, p) + batch.variances[k];
+        let start = self.downdates.len();
+        self.downdates.resize(start + 3 * n, 0.0);
+        let (gain, rest) = self.downdates[start..].split_at_mut(n);
+        let (copy, remainder) = rest.split_at_mut(n);
+        for i in 0..n {
+            gain[i] = p[i] / s;
+            copy[i] = p[i];
+            remainder[i] = p[i] - gain[i] * s;
+        }
         // What the measurements before this one already corrected is no longer in the innovation.
-        let remaining = innovation - dot(gradient, self.correction.as_slice());
-        self.correction.axpy(remaining, &self.gain, 1.0);
-        // (I − K h) P (I − K h)ᵀ + K N Kᵀ = P − K pᵀ − (p − K S) Kᵀ,  p = P hᵀ
-        let (gain, projection) = (self.gain.as_slice(), self.projection.as_slice());
-        let columns = self.covariance.as_mut_slice().chunks_exact_mut(gain.len());
-        for ((column, p), k) in columns.zip(projection).zip(gain) {
-            for ((value, row_gain), row_p) in column.iter_mut().zip(gain).zip(projection) {
-                *value -= row_gain * p + (row_p - row_gain * s) * k;
+        let left = batch.innovations[k] - dot(gradient, self.correction.as_slice());
+        for (sum, gain) in self.correction.iter_mut().zip(&*gain) {
+            *sum += left * gain;
+        }
+        // (I − K h) P (I − K h)ᵀ + K N Kᵀ = P − K pᵀ − r Kᵀ, times the gradients still to come
+        for (j, other) in later.chunks_exact_mut(n).enumerate() {
+            let gradient = batch.gradient(k + 1 + j);
+            let (by_p, by_gain) = (dot(gradient, copy), dot(gradient, gain));
+            for i in 0..n {
+                other[i] -= gain[i] * by_p + remainder[i] * by_gain;
             }
         }
-        remaining * remaining / s
+        left * left / s
     }
 
-    /// projection ← P hᵀ, with the zeros of h skipped.
-    fn project(&mut self, gradient: &[f64]) {
-        self.projection.fill(0.0);
-        let columns = self.covariance.as_slice().chunks_exact(gradient.len());
-        for (column, weight) in columns.zip(gradient) {
-            if *weight != 0.0 {
-                for (sum, value) in self.projection.as_mut_slice().iter_mut().zip(column) {
-                    *sum += weight * value;
+    /// P ← P − Σ (K pᵀ + r Kᵀ), without the asymmetry that rounding leaves.
+    fn take_from_covariance(&mut self) {
+        let n = self.correction.len();
+        let covariance = self.covariance.as_mut_slice();
+        // Sizes known to the compiler make loops of two and more values at a time.
+        match n {
+            17 => take(17, covariance, &self.downdates),
+            20 => take(20, covariance, &self.downdates),
+            n => take(n, covariance, &self.downdates),
+        }
+    }
+
+    /// P hᵀ of every measurement, with the zeros of h skipped.
+    fn project(&mut self, batch: &Batch) {
+        let n = self.correction.len();
+        self.projections.clear();
+        self.projections.resize(batch.len() * n, 0.0);
+        for (k, projection) in self.projections.chunks_exact_mut(n).enumerate() {
+            let columns = self.covariance.as_slice().chunks_exact(n);
+            for (column, weight) in columns.zip(batch.gradient(k)) {
+                if *weight != 0.0 {
+                    for (sum, value) in projection.iter_mut().zip(column) {
+                        *sum += weight * value;
+                    }
                 }
             }
         }
     }
+}
 
-    /// Removes the asymmetry that rounding leaves.
-    fn symmetrise(&mut self) {
-        let n = self.covariance.nrows();
-        for column in 0..n {
-            for row in column + 1..n {
-                let mean = (self.covariance[(row, column)] + self.covariance[(column, row)]) / 2.0;
-                self.covariance[(row, column)] = mean;
-                self.covariance[(column, row)] = mean;
+/// P ← P − Σ (K pᵀ + r Kᵀ) for P of n×n, from the rows K, p, r of `downdates`.
+#[inline(always)]
+fn take(n: usize, covariance: &mut [f64], downdates: &[f64]) {
+    for (j, column) in covariance.chunks_exact_mut(n).enumerate() {
+        for downdate in downdates.chunks_exact(3 * n) {
+            let (gain, p, remainder) =
+                (&downdate[..n], &downdate[n..2 * n], &downdate[2 * n..3 * n]);
+            for i in 0..n {
+                column[i] -= gain[i] * p[j] + remainder[i] * gain[j];
             }
+        }
+    }
+    for j in 1..n {
+        for i in 0..j {
+            let mean = (covariance[i * n + j] + covariance[j * n + i]) / 2.0;
+            covariance[i * n + j] = mean;
+            covariance[j * n + i] = mean;
         }
     }
 }
