@@ -171,7 +171,7 @@ fn wrong_configuration_exits_2_and_names_the_key() {
         (["--set", "bands=[]"], "`bands` is empty"),
         (["--set", "novalue"], "--set novalue: expected key=value"),
         (["--set", "constraint=sphere"], "--set constraint=sphere"),
-        (["--set", "ambiguity=continuous"], "not available in this version"),
+        (["--set", "ambiguity=sometimes"], "--set ambiguity=sometimes"),
         (["--antenna", "A={}/b.obs@2,0,0"], "name `A`"),
         (["--antenna", "C={}/b.obs"], "`position_m` is missing for C"),
         (["--antenna", "C={}/b.obs@1,0,0"], "`B` and `C` are 0.0000 m apart"),

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Constraint, Engine, Settings};
+use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
 use kurs::frames::Vector;
 use kurs::sky::NoiseModel;
 use kurs::solution::Status;
@@ -47,6 +47,7 @@ fn the_car_is_solved_with_honest_sigmas() {
         points_m: Vec::new(),
         bands: None,
         elevation_mask_rad: 10f64.to_radians(),
+        ambiguities: Ambiguities::Instantaneous,
         constraint: Constraint::None,
         array_sd_m: 0.002,
         max_wrong_fix_rate: 0.001,

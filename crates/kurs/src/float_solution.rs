@@ -6,7 +6,11 @@
 //! `y_P = A_P x + e_P`,   `y_Φ = A_Φ x + Λ a + e_Φ`
 //!
 //! Every phase has an ambiguity of its own within one epoch, so the code alone determines `x̂` and
-//! the phases `â`; the integers then bring the phases into `x`.
+//! the phases `â`; the integers then bring the phases into `x`. [`recursive`] adds what earlier
+//! epochs know of the ambiguities.
+
+mod information;
+pub mod recursive;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -63,6 +67,16 @@ pub struct FloatSolution {
     conditional_normal: DMatrix<f64>,
     code_right: DVector<f64>,
     phases: Vec<Phases>,
+    memory: Option<Memory>,
+}
+
+/// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
+/// `Λ_xx x = right − cross (a − reduced_by)`.
+#[derive(Debug, Clone)]
+struct Memory {
+    right: DVector<f64>,
+    cross: DMatrix<f64>,
+    reduced_by: DVector<f64>,
 }
 
 /// How well observations fit.
@@ -191,6 +205,7 @@ impl FloatSolution {
             conditional_normal,
             code_right: code_right / factors.code,
             phases,
+            memory: None,
         };
         float.solve_ambiguities();
         Ok(float)
@@ -267,6 +282,10 @@ impl FloatSolution {
             let whitened = phases.factor.l_dirty().solve_lower_triangular(&range_m)?;
             right.gemv_tr(1.0 / self.factors.phase, &phases.whitened_design, &whitened, 1.0);
             ranges_m.push(range_m);
+        }
+        if let Some(memory) = &self.memory {
+            let reduced = DVector::from_column_slice(integers) - &memory.reduced_by;
+            right = &memory.right - &memory.cross * reduced;
         }
         let covariance_m2 = well_conditioned_inverse(&self.conditional_normal)?;
         let correction_m = &covariance_m2 * &right;

@@ -32,6 +32,8 @@ pub mod atmosphere;
 
 pub mod point;
 
+pub mod cycle_slip;
+
 pub mod difference;
 
 pub mod float_solution;

@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Constraint, Settings};
+use kurs::engine::{Ambiguities, Constraint, Settings};
+use kurs::float_solution::recursive::Motion;
 use kurs::frames::Vector;
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
@@ -75,6 +76,8 @@ pub(crate) struct SolveTable {
     pub(crate) bands: Option<Vec<String>>,
     pub(crate) elevation_mask_deg: f64,
     pub(crate) ambiguity: AmbiguityKey,
+    pub(crate) motion: MotionKey,
+    pub(crate) random_walk_m: f64,
     pub(crate) constraint: Option<ConstraintKey>,
     pub(crate) array_sd_m: f64,
     pub(crate) max_wrong_fix_rate: f64,
@@ -89,6 +92,15 @@ pub(crate) struct SolveTable {
 pub(crate) enum AmbiguityKey {
     Instantaneous,
     Continuous,
+}
+
+/// How baselines move from epoch to epoch while ambiguities are carried on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum MotionKey {
+    Free,
+    Static,
+    RandomWalk,
 }
 
 /// What is known of the array in the integer search.
@@ -106,6 +118,8 @@ impl Default for SolveTable {
             bands: None,
             elevation_mask_deg: 10.0,
             ambiguity: AmbiguityKey::Instantaneous,
+            motion: MotionKey::Free,
+            random_walk_m: 0.1,
             constraint: None,
             array_sd_m: 0.002,
             max_wrong_fix_rate: 0.001,
@@ -288,7 +302,7 @@ impl Loaded {
     }
 
     fn check(&self) -> Result<(), UsageError> {
-        let Config { antenna, nav, antex, solve, point } = &self.config;
+        let Config { antenna, nav, antex, point, .. } = &self.config;
         if antenna.len() < 2 {
             return Err(UsageError(format!(
                 "{} `[[antenna]]` in the configuration, at least two are needed for an attitude",
@@ -348,11 +362,6 @@ impl Loaded {
                 without.join(", ")
             )));
         }
-        if solve.ambiguity == AmbiguityKey::Continuous {
-            return Err(UsageError(
-                "ambiguity = \"continuous\" is not available in this version; use \"instantaneous\"".into(),
-            ));
-        }
         if point.is_empty() || positions > 0 {
             Ok(())
         } else {
@@ -371,6 +380,20 @@ impl Loaded {
             Some(ConstraintKey::Array) => whole,
             None if antennas[0].position_m.is_some() => whole,
             None => Constraint::None,
+        }
+    }
+
+    /// What is carried from epoch to epoch.
+    fn ambiguities(&self) -> Ambiguities {
+        let solve = &self.config.solve;
+        let motion = match solve.motion {
+            MotionKey::Free => Motion::Free,
+            MotionKey::Static => Motion::Static,
+            MotionKey::RandomWalk => Motion::RandomWalk { m_per_sqrt_s: solve.random_walk_m },
+        };
+        match solve.ambiguity {
+            AmbiguityKey::Instantaneous => Ambiguities::Instantaneous,
+            AmbiguityKey::Continuous => Ambiguities::Continuous(motion),
         }
     }
 
@@ -399,6 +422,7 @@ impl Loaded {
                 .collect(),
             bands,
             elevation_mask_rad: solve.elevation_mask_deg.to_radians(),
+            ambiguities: self.ambiguities(),
             constraint: self.constraint(),
             array_sd_m: solve.array_sd_m,
             max_wrong_fix_rate: solve.max_wrong_fix_rate,
@@ -451,6 +475,15 @@ impl Loaded {
             Constraint::Length => "\"length\"",
             Constraint::Array => "\"array\"",
         };
+        let ambiguity = match solve.ambiguity {
+            AmbiguityKey::Instantaneous => "\"instantaneous\"",
+            AmbiguityKey::Continuous => "\"continuous\"",
+        };
+        let motion = match solve.motion {
+            MotionKey::Free => "\"free\"",
+            MotionKey::Static => "\"static\"",
+            MotionKey::RandomWalk => "\"random_walk\"",
+        };
         let bands = solve
             .bands
             .as_ref()
@@ -458,7 +491,9 @@ impl Loaded {
         let keys = [
             ("solve.bands", bands),
             ("solve.elevation_mask_deg", solve.elevation_mask_deg.to_string()),
-            ("solve.ambiguity", "\"instantaneous\"".into()),
+            ("solve.ambiguity", ambiguity.into()),
+            ("solve.motion", motion.into()),
+            ("solve.random_walk_m", solve.random_walk_m.to_string()),
             ("solve.constraint", constraint.into()),
             ("solve.array_sd_m", solve.array_sd_m.to_string()),
             ("solve.max_wrong_fix_rate", solve.max_wrong_fix_rate.to_string()),

@@ -188,7 +188,7 @@ impl Fixer {
         let ambiguities_of: Vec<usize> = (0..body_m.len())
             .map(|block| float.baseline_of.iter().filter(|b| **b == block).count())
             .collect();
-        let mixed = reordered(&mixed_float(float, &approximate(frame))?, &order);
+        let mixed = reordered(&mixed_float(float, &frame.approximate())?, &order);
         let candidates = self
             .array
             .solve(&mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES)
@@ -336,7 +336,7 @@ impl Outcome {
             baselines: Baselines {
                 reference: float.reference,
                 rovers: float.rovers.clone(),
-                vectors_m: approximate(frame) + &float.correction_m,
+                vectors_m: frame.approximate() + &float.correction_m,
                 covariance_m2: float.covariance_m2.clone(),
             },
             correction_m: float.correction_m.clone(),
@@ -364,7 +364,7 @@ impl Outcome {
             self.verdict = Verdict::Float(Reason::Ratio);
             return conditional.phase_fit;
         }
-        self.baselines.vectors_m = approximate(frame) + &conditional.correction_m;
+        self.baselines.vectors_m = frame.approximate() + &conditional.correction_m;
         self.verdict = if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
             Verdict::Refused(Reason::Residuals)
         } else if self.breaks_length(&conditional, settings) {
@@ -393,10 +393,4 @@ impl Outcome {
             (found_m - known_m).abs() > MAX_LENGTH_SD * variance_m2.sqrt()
         })
     }
-}
-
-/// Approximate baselines, one after the other.
-fn approximate(frame: &CommonFrame) -> DVector<f64> {
-    let components = frame.approximate_m.iter().flat_map(|b| <[f64; 3]>::from(b.xyz()));
-    DVector::from_iterator(3 * frame.approximate_m.len(), components)
 }

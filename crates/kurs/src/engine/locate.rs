@@ -1,5 +1,7 @@
 //! Each antenna by itself: satellites, position, clock, velocity; then one frame for all of them.
 
+use nalgebra::DVector;
+
 use crate::difference::Link;
 use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Vector};
@@ -46,6 +48,12 @@ impl CommonFrame {
     /// Antennas that the baselines lead to.
     pub(super) fn rovers(&self) -> impl Iterator<Item = usize> {
         self.antennas.iter().copied().filter(|antenna| *antenna != self.reference)
+    }
+
+    /// Approximate baselines, one after the other.
+    pub(super) fn approximate(&self) -> DVector<f64> {
+        let components = self.approximate_m.iter().flat_map(|b| <[f64; 3]>::from(b.xyz()));
+        DVector::from_iterator(3 * self.approximate_m.len(), components)
     }
 }
 

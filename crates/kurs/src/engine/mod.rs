@@ -6,17 +6,20 @@ mod noise_scale;
 mod orientation;
 mod settings;
 
-pub use settings::{Constraint, Settings, SettingsError};
+pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use crate::antenna_calibration::MountedAntenna;
 use crate::baseline::Baselines;
+use crate::cycle_slip::Continuity;
 use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
-use crate::float_solution::NoFloat;
+use crate::float_solution::recursive::RecursiveFloat;
+use crate::float_solution::{FloatSolution, NoFloat};
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation};
 use crate::observation::ArrayEpoch;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
+use crate::time::GpsTime;
 use fix::{Fixer, Verdict};
 use locate::{Located, locate};
 
@@ -27,6 +30,9 @@ pub struct Engine {
     navigation: NavigationData,
     located: Vec<Located>,
     links: Vec<Link>,
+    /// Arcs of continuous phase and what is known of their ambiguities; not in use where each epoch
+    /// stands alone.
+    carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
@@ -42,7 +48,14 @@ impl Engine {
     /// [`SettingsError`] for settings that cannot work.
     pub fn new(settings: Settings, navigation: NavigationData) -> Result<Self, SettingsError> {
         settings.check()?;
+        let carried = match settings.ambiguities {
+            Ambiguities::Instantaneous => None,
+            Ambiguities::Continuous(motion) => {
+                Some((Continuity::default(), RecursiveFloat::new(motion)))
+            }
+        };
         Ok(Self {
+            carried,
             settings,
             navigation,
             located: Vec::new(),
@@ -66,6 +79,7 @@ impl Engine {
 
     /// Attitude, baselines and position of one epoch.
     pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
+        self.follow_phases(epoch);
         locate(epoch, &self.navigation, &self.settings, &mut self.located);
         let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
         row.antennas = self.located.len();
@@ -74,6 +88,32 @@ impl Engine {
             row.reason = Some(reason);
         }
         row
+    }
+
+    /// Looks for cycle slips of every antenna, also in epochs that give no solution.
+    fn follow_phases(&mut self, epoch: &ArrayEpoch) {
+        let Some((continuity, _)) = &mut self.carried else { return };
+        let ephemerides = &self.navigation.ephemerides;
+        for (antenna, observed) in epoch.antennas.iter().enumerate() {
+            let Some(observed) = observed else { continue };
+            continuity.update(antenna, observed, |satellite, band| {
+                band.wavelength_m(ephemerides.glonass_channel(satellite))
+            });
+        }
+    }
+
+    /// The float solution of the epoch with what earlier epochs know of its ambiguities.
+    fn carry(
+        &mut self,
+        float: FloatSolution,
+        frame: &locate::CommonFrame,
+        time: GpsTime,
+    ) -> FloatSolution {
+        let Some((continuity, memory)) = &mut self.carried else { return float };
+        memory.update(float, &self.links, &frame.approximate(), time, |link| {
+            let arc = continuity.arc(link.antenna, link.satellite, link.signal);
+            arc.map_or(0, |arc| arc.number)
+        })
     }
 
     /// Position and velocity of the first antenna that has them.
@@ -101,6 +141,7 @@ impl Engine {
             self.fixer.float(&self.links, &groups, &frame).map_err(|error| match error {
                 NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites => Reason::FewSatellites,
             })?;
+        let float = self.carry(float, &frame, epoch.time);
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
 

@@ -1,6 +1,7 @@
 //! What the engine is told once: the array, the bands, the constraint, the limits.
 
 use crate::array::{AntennaArray, ArrayError};
+use crate::float_solution::recursive::Motion;
 use crate::frames::{Body, Vector};
 use crate::signal::{Band, System};
 use crate::sky::NoiseModel;
@@ -16,6 +17,15 @@ pub enum Constraint {
     Array,
 }
 
+/// What of the carrier phases is carried from one epoch to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ambiguities {
+    /// Nothing: each epoch stands alone.
+    Instantaneous,
+    /// The float ambiguities, constant between cycle slips; the baselines move in this way.
+    Continuous(Motion),
+}
+
 /// How the engine works.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -29,6 +39,8 @@ pub struct Settings {
     pub bands: Option<Vec<Band>>,
     /// Satellites below are ignored.
     pub elevation_mask_rad: f64,
+    /// What is carried from one epoch to the next.
+    pub ambiguities: Ambiguities,
     /// Known geometry in the integer search.
     pub constraint: Constraint,
     /// Standard deviation of each coordinate of the known antenna positions, m.
@@ -112,6 +124,9 @@ impl Settings {
         let tilt_deg = self.max_tilt_rad.to_degrees();
         within("max_tilt_deg", tilt_deg, 0.0..=180.0, "0 to 180 degrees")?;
         within("array_sd_m", self.array_sd_m, 0.0..=10.0, "0 to 10 m")?;
+        if let Ambiguities::Continuous(Motion::RandomWalk { m_per_sqrt_s }) = self.ambiguities {
+            within("random_walk_m", m_per_sqrt_s, 1e-6..=1e3, "1e-6 to 1000 m in a second")?;
+        }
         within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9..=0.5, "1e-9 to 0.5")
     }
 
