@@ -175,7 +175,8 @@ fn half_cycles() {
 #[test]
 fn a_biased_constellation() {
     for mode in MODES {
-        let fault = Span { from_s: 20.0, to_s: 30.0 };
+        // Proving that no integers fit takes the search long, so not many epochs.
+        let fault = Span { from_s: 20.0, to_s: 22.0 };
         let tally = tally(scene(mode, Constraint::Array), fault, |time_s, epoch| {
             if !fault.contains(time_s) {
                 return;
@@ -198,7 +199,7 @@ fn tags_off_by_400_ms() {
         let tally = tally(scene(mode, Constraint::Array), fault, |time_s, epoch| {
             if fault.contains(time_s) {
                 let observed = epoch.antennas[1].as_mut().unwrap();
-                observed.time = observed.time + 0.4;
+                observed.time += 0.4;
             }
         });
         tally.assert("tags off by 0.4 s", mode);

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Constraint, Engine, Settings};
+use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::signal::{Satellite, Signal};
 use kurs::sky::NoiseModel;
@@ -51,6 +51,7 @@ pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings 
         points_m: Vec::new(),
         bands: None,
         elevation_mask_rad: 10f64.to_radians(),
+        ambiguities: Ambiguities::Instantaneous,
         constraint,
         array_sd_m: 0.002,
         max_wrong_fix_rate: 0.001,
