@@ -147,7 +147,14 @@ fn differences(
             0 => first_m,
             _ => first_m + ecef_from_ned * body.truth.baselines_m[index - 1],
         };
-        let antenna = difference::Antenna { index, epoch: observed, tracked: &tracked, position_m };
+        let antenna = difference::Antenna {
+            index,
+            epoch: observed,
+            tracked: &tracked,
+            position_m,
+            mount: None,
+            body_from_ecef: None,
+        };
         let mask_rad = 10f64.to_radians();
         difference::links(&antenna, navigation, &NOISE, mask_rad, |_| true, &mut links);
     }
