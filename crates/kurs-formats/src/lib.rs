@@ -4,11 +4,14 @@
 pub mod antex;
 pub mod content;
 pub mod damage;
+mod fields;
 pub mod logs;
 pub mod navigation;
+mod navigation_frames;
 pub mod observations;
 pub mod positions;
 pub mod rinex;
+pub mod rtcm;
 pub mod session;
 pub mod source;
 mod sp3;

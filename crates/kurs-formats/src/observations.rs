@@ -5,23 +5,25 @@ use std::io::Read;
 use std::path::Path;
 
 use kurs::observation::AntennaEpoch;
+use kurs::time::GpsTime;
 
 use crate::content::Content;
 use crate::damage::Damage;
-use crate::logs::LogReader;
+use crate::logs::frames::Protocol;
+use crate::logs::{self, LogOptions, LogReader};
 use crate::rinex::observation::{EventLog, ObservationHeader, ObservationReader};
 use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
 const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip; \
-    or a receiver log: UBX";
+    or a receiver log: UBX, RTCM 3";
 
 /// A file with observations, opened.
 #[derive(Debug)]
 pub enum ObservationSource {
     /// RINEX 2, 3 or 4, compact or not.
     Rinex(Box<ObservationReader>),
-    /// A receiver log: UBX.
+    /// A receiver log: UBX or RTCM 3.
     Log(Box<LogReader>),
 }
 
@@ -32,7 +34,19 @@ impl ObservationSource {
     ///
     /// [`ReadError`] if it cannot be read or holds something else than observations.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, ReadError> {
-        Self::from_source(Source::open(path)?)
+        Self::open_with(path, &LogOptions::default())
+    }
+
+    /// As [`ObservationSource::open`], with what a log does not say by itself. An RTCM 3 log may be
+    /// read twice: the date may come late in it.
+    ///
+    /// # Errors
+    ///
+    /// As [`ObservationSource::open`].
+    pub fn open_with(path: impl AsRef<Path>, options: &LogOptions) -> Result<Self, ReadError> {
+        Self::with_date(Source::open(&path)?, options, |_| {
+            logs::navigation::date(&mut Source::open(path)?)
+        })
     }
 
     /// Wraps a stream and finds its format; `name` stands for it in messages.
@@ -52,14 +66,39 @@ impl ObservationSource {
     /// # Errors
     ///
     /// As [`ObservationSource::open`].
-    pub fn from_source(mut source: Source) -> Result<Self, ReadError> {
-        match Content::of(source.start(Content::ENOUGH)?) {
+    pub fn from_source(source: Source) -> Result<Self, ReadError> {
+        Self::from_source_with(source, &LogOptions::default())
+    }
+
+    /// As [`ObservationSource::from_source`], with what a log does not say by itself. The date of an
+    /// RTCM 3 log must stand in its first [`Source::BUFFER_SIZE`] bytes or in `options`.
+    ///
+    /// # Errors
+    ///
+    /// As [`ObservationSource::open`].
+    pub fn from_source_with(source: Source, options: &LogOptions) -> Result<Self, ReadError> {
+        Self::with_date(source, options, |source| {
+            let start = source.start(Source::BUFFER_SIZE)?.to_vec();
+            logs::navigation::date(&mut Source::new(std::io::Cursor::new(start), "")?)
+        })
+    }
+
+    fn with_date(
+        mut source: Source,
+        options: &LogOptions,
+        date: impl FnOnce(&mut Source) -> Result<Option<GpsTime>, ReadError>,
+    ) -> Result<Self, ReadError> {
+        let protocol = match Content::of(source.start(Content::ENOUGH)?) {
             Content::RinexObservation | Content::CompactRinex => {
-                Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)))
+                return Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)));
             }
-            Content::Ubx => Ok(Self::Log(Box::new(LogReader::new(source)))),
-            other => Err(source.wrong_content(other.to_string(), EXPECTED)),
-        }
+            Content::Ubx => Protocol::Ubx,
+            Content::Rtcm3 => Protocol::Rtcm3,
+            other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
+        };
+        let wants_date = protocol == Protocol::Rtcm3 && options.approximate_time.is_none();
+        let date = if wants_date { date(&mut source)? } else { None };
+        Ok(Self::Log(Box::new(LogReader::new(source, protocol, options, date)?)))
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the file.

@@ -7,6 +7,7 @@ use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
 use crate::damage::Damage;
+use crate::logs::LogOptions;
 use crate::observations::ObservationSource;
 use crate::source::ReadError;
 
@@ -18,6 +19,7 @@ use crate::source::ReadError;
 pub struct SessionReader {
     current: ObservationSource,
     waiting: VecDeque<PathBuf>,
+    options: LogOptions,
     last: Option<GpsTime>,
     /// Epochs of the current file that are not later than the files before.
     overlapping: u64,
@@ -42,15 +44,27 @@ impl SessionReader {
     ///
     /// [`ReadError`] of the first file that cannot be used; [`ReadError::NoFile`] for an empty list.
     pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self, ReadError> {
+        Self::open_with(paths, LogOptions::default())
+    }
+
+    /// As [`SessionReader::open`], with what receiver logs do not say by themselves.
+    ///
+    /// # Errors
+    ///
+    /// As [`SessionReader::open`].
+    pub fn open_with<P: AsRef<Path>>(
+        paths: impl IntoIterator<Item = P>,
+        options: LogOptions,
+    ) -> Result<Self, ReadError> {
         let mut paths = paths.into_iter();
         let first = paths.next().ok_or(ReadError::NoFile)?;
-        let current = ObservationSource::open(first)?;
+        let current = ObservationSource::open_with(first, &options)?;
         let waiting: VecDeque<PathBuf> = paths.map(|path| path.as_ref().to_owned()).collect();
         for path in &waiting {
-            ObservationSource::open(path)?;
+            ObservationSource::open_with(path, &options)?;
         }
         let (damage, damage_count) = (Vec::new(), 0);
-        Ok(Self { current, waiting, last: None, overlapping: 0, damage, damage_count })
+        Ok(Self { current, waiting, options, last: None, overlapping: 0, damage, damage_count })
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the last file.
@@ -65,7 +79,7 @@ impl SessionReader {
                 let Some(path) = self.waiting.pop_front() else { return Ok(false) };
                 self.damage = self.damage();
                 self.damage_count = self.damage_count();
-                self.current = ObservationSource::open(path)?;
+                self.current = ObservationSource::open_with(path, &self.options)?;
             } else if self.last.is_none_or(|last| epoch.time > last) {
                 self.note_overlap();
                 self.last = Some(epoch.time);

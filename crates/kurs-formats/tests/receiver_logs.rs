@@ -6,10 +6,15 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use kurs::ephemeris::{Ephemeris, GlonassElements, GlonassEphemeris, NavigationData};
+use kurs::frames::Vector;
 use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::{Satellite, Signal};
 use kurs::time::GpsTime;
+use kurs_formats::logs::LogOptions;
 use kurs_formats::observations::ObservationSource;
+use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::source::Source;
 use kurs_formats::ubx::UbxWriter;
 
 /// The observations of each signal in the order of time.
@@ -146,14 +151,20 @@ fn written_epochs() -> Vec<AntennaEpoch> {
             .zip(0u32..)
             .map(|(name, index)| {
                 let (satellite, signal) = name.split_once(' ').unwrap();
+                let satellite: Satellite = satellite.parse().unwrap();
+                let range_m = 21e6 + 1e5 * f64::from(satellite.number) + 3.25 * f64::from(index);
+                let signal: Signal = signal.parse().unwrap();
+                let wavelength_m = signal.band.wavelength_m(Some(-4)).unwrap();
+                let rate_mps = 12.5 * f64::from(satellite.number) - 300.0;
                 let slip = u8::from(index == second);
                 let half = if second < 2 && index == 4 { Lock::HALF_CYCLE } else { 0 };
                 Observation {
-                    satellite: satellite.parse().unwrap(),
-                    signal: signal.parse().unwrap(),
-                    pseudorange_m: Some(21e6 + 1e5 * f64::from(index) + 0.125 * f64::from(second)),
+                    satellite,
+                    signal,
+                    pseudorange_m: Some(range_m + 0.125 * f64::from(second)),
                     phase_cycles: Some(1.1e8 - 12_345.75 * f64::from(index)),
-                    doppler_hz: Some(-1234.5 + 100.0 * f64::from(index)),
+                    // As UBX has it, a number of 32 bits.
+                    doppler_hz: Some(f64::from((-rate_mps / wavelength_m) as f32)),
                     cn0_dbhz: Some(f64::from(30 + index)),
                     lock: Lock(slip | half),
                 }
@@ -174,23 +185,162 @@ fn read_all(bytes: Vec<u8>) -> (Vec<AntennaEpoch>, usize) {
     (epochs, source.damage().len())
 }
 
+/// Channel −4 of the GLONASS satellite of [`written_epochs`].
+fn navigation() -> NavigationData {
+    let reference_time = GpsTime::from_week_tow(2301, 18.0).unwrap();
+    let elements = GlonassElements {
+        satellite: "R07".parse().unwrap(),
+        reference_time,
+        transmission_time: reference_time,
+        clock_bias_s: 0.0,
+        clock_drift: 0.0,
+        position_m: Vector::new(2.5e7, 0.0, 0.0),
+        velocity_mps: Vector::new(0.0, 3e3, 0.0),
+        acceleration_mps2: Vector::new(0.0, 0.0, 0.0),
+        channel: -4,
+        l2_delay_s: None,
+        health: 0,
+        accuracy_m: 5.0,
+    };
+    let mut data = NavigationData::default();
+    data.ephemerides.insert(Ephemeris::Glonass(GlonassEphemeris::new(elements).unwrap()));
+    data
+}
+
 #[test]
 fn a_written_ubx_log_reads_the_same() {
     let epochs = written_epochs();
-    let mut writer = UbxWriter::new(Vec::new(), BTreeMap::from([(7, -4)]));
+    let mut writer = UbxWriter::new(Vec::new(), &navigation());
     epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
     let bytes = writer.finish();
     assert_eq!(read_all(bytes.clone()), (epochs.clone(), 0));
 
     // A log that was cut, and one with noise in it, keep every other epoch.
     assert_eq!(read_all(bytes[..bytes.len() - 3].to_vec()), (epochs[..8].to_vec(), 1));
-    let length = bytes.len() / 9;
+    let length = 16 + 32 * epochs[0].observations.len() + 8;
+    let bytes = bytes[bytes.len() - 9 * length..].to_vec();
     let mut noisy = bytes.clone();
     noisy[3 * length + 40] ^= 4;
     noisy.splice(5 * length..5 * length, [0xb5, 0x62, 2, 0x15, 0xff]);
     let (read, damage) = read_all(noisy);
-    assert_eq!(damage, 2);
+    // The first message of this part is one with a string of GLONASS.
+    assert_eq!(damage, 3);
     let times: Vec<_> = read.iter().map(|e| e.time).collect();
-    let kept: Vec<_> = epochs.iter().map(|e| e.time).filter(|t| *t != epochs[3].time).collect();
+    let kept: Vec<_> = epochs
+        .iter()
+        .map(|e| e.time)
+        .filter(|t| ![epochs[0].time, epochs[3].time].contains(t))
+        .collect();
     assert_eq!(times, kept);
+}
+
+/// What MSM 7 keeps: 0.3 mm of a range, 0.1 mm of a phase, 0.05 mm/s of a rate, 1/32 dB-Hz.
+#[test]
+fn a_written_rtcm_log_reads_the_same() {
+    let mut epochs = written_epochs();
+    // B1I on a satellite without a Doppler, and one without a phase.
+    epochs[2].observations[5].doppler_hz = None;
+    epochs[3].observations[0].phase_cycles = None;
+    let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let bytes = writer.finish();
+    let (read, damage) = read_all(bytes.clone());
+    assert_eq!((read.len(), damage), (9, 0));
+    let mut whole_cycles = BTreeMap::new();
+    for (epoch, read) in epochs.iter().zip(&read) {
+        assert_eq!(epoch.time, read.time);
+        let mut wanted = epoch.observations.clone();
+        wanted.sort_by_key(|o| (o.satellite, o.signal));
+        let mut read = read.observations.clone();
+        read.sort_by_key(|o| (o.satellite, o.signal));
+        assert_eq!(wanted.len(), read.len());
+        for (a, b) in wanted.iter().zip(&read) {
+            assert_eq!((a.satellite, a.signal), (b.satellite, b.signal));
+            assert_eq!(a.lock.0 * u8::from(a.phase_cycles.is_some()), b.lock.0, "{a:?} {b:?}");
+            let near = |a: Option<f64>, b: Option<f64>, within: f64| match (a, b) {
+                (Some(a), Some(b)) => assert!((a - b).abs() <= within, "{a} {b}"),
+                _ => assert_eq!(a.is_some(), b.is_some()),
+            };
+            near(a.pseudorange_m, b.pseudorange_m, 3e-4);
+            near(a.doppler_hz, b.doppler_hz, 3e-4);
+            near(a.cn0_dbhz, b.cn0_dbhz, 1.0 / 32.0);
+            if let (Some(a_cycles), Some(b_cycles)) = (a.phase_cycles, b.phase_cycles) {
+                let apart = a_cycles - b_cycles;
+                assert!((apart - apart.round()).abs() < 5e-4, "{a:?} {b:?}");
+                let before = whole_cycles.insert((a.satellite, a.signal), apart.round());
+                assert!(before.is_none_or(|before| before == apart.round()));
+            } else {
+                assert_eq!(a.phase_cycles.is_some(), b.phase_cycles.is_some());
+            }
+        }
+    }
+
+    // Without the first messages nothing tells the week; a time of the day before does.
+    let name = |bytes: &[u8], options: &LogOptions| {
+        let source = Source::new(std::io::Cursor::new(bytes.to_vec()), "log").unwrap();
+        ObservationSource::from_source_with(source, options)
+    };
+    let dateless: Vec<u8> =
+        frames(&bytes).filter(|f| number(f) != 1020).flatten().copied().collect();
+    let error = name(&dateless, &LogOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("approximate_time"), "{error}");
+    let approximate_time = Some(epochs[0].time + -86_400.0);
+    let mut source =
+        name(&dateless, &LogOptions { approximate_time, ..LogOptions::default() }).unwrap();
+    let mut epoch = AntennaEpoch::default();
+    assert!(source.next_epoch(&mut epoch).unwrap());
+    assert_eq!(epoch.time, epochs[0].time);
+}
+
+/// The messages of an undamaged RTCM 3 log.
+fn frames(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let mut rest = bytes;
+    std::iter::from_fn(move || {
+        let length = usize::from(u16::from_be_bytes([*rest.get(1)?, rest[2]])) + 6;
+        let (frame, behind) = rest.split_at(length);
+        rest = behind;
+        Some(frame)
+    })
+}
+
+fn number(frame: &[u8]) -> u16 {
+    u16::from_be_bytes([frame[3], frame[4]]) >> 4
+}
+
+#[test]
+fn one_of_several_stations_must_be_chosen() {
+    let epochs = written_epochs();
+    let place = Vector::new(4e6, 3e5, 4.9e6);
+    let mut writers =
+        [7, 8].map(|station| Rtcm3Writer::new(Vec::new(), station, place, &navigation()));
+    for epoch in &epochs {
+        writers.iter_mut().for_each(|writer| writer.write(epoch).unwrap());
+    }
+    let [a, b] = writers.map(Rtcm3Writer::finish);
+    // Epoch by epoch, as a caster mixes them.
+    let mut mixed: Vec<(usize, &[u8])> = Vec::new();
+    for log in [&a, &b] {
+        let mut epoch = 0;
+        for frame in frames(log) {
+            epoch += usize::from(number(frame) == 1077);
+            mixed.push((epoch, frame));
+        }
+    }
+    mixed.sort_by_key(|(epoch, _)| *epoch);
+    let bytes: Vec<u8> = mixed.into_iter().flat_map(|(_, frame)| frame).copied().collect();
+    let open = |station| {
+        let source = Source::new(std::io::Cursor::new(bytes.clone()), "log").unwrap();
+        let options = LogOptions { station, ..LogOptions::default() };
+        ObservationSource::from_source_with(source, &options).unwrap()
+    };
+    let mut epoch = AntennaEpoch::default();
+    let error = open(None).next_epoch(&mut epoch).unwrap_err().to_string();
+    assert!(error.contains("stations 7 and 8") && error.contains("station_id"), "{error}");
+    let mut source = open(Some(8));
+    let mut count = 0;
+    while source.next_epoch(&mut epoch).unwrap() {
+        count += 1;
+        assert_eq!(epoch.observations.len(), epochs[0].observations.len());
+    }
+    assert_eq!((count, source.damage_count()), (9, 0));
 }

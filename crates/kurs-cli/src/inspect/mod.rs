@@ -135,7 +135,11 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
         // A file that cannot be read is told of where it is reported.
         let Ok(mut source) = Source::open(file) else { continue };
         let content = source.start(Content::ENOUGH).map(Content::of);
-        if matches!(content, Ok(Content::RinexNavigation | Content::Sp3)) {
+        let has_orbits = |content: &Content| {
+            use Content::{RinexNavigation, Rtcm3, Sbf, Sp3, Ubx};
+            matches!(content, RinexNavigation | Sp3 | Ubx | Rtcm3 | Sbf)
+        };
+        if content.as_ref().is_ok_and(has_orbits) {
             let _ = kurs_formats::navigation::read(&mut source, &mut data);
         }
     }

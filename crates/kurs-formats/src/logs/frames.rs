@@ -45,10 +45,9 @@ pub(crate) struct Frame<'a> {
     pub(crate) offset: u64,
 }
 
-/// Reads the messages of a log one after the other.
-#[derive(Debug)]
-pub(crate) struct FrameReader {
-    source: Source,
+/// Finds the messages of a log one after the other.
+#[derive(Debug, Default)]
+pub(crate) struct FrameScanner {
     /// Bytes consumed so far.
     offset: u64,
     /// Length of the message given out last, still to be consumed.
@@ -65,26 +64,24 @@ struct Skipped {
     binary: bool,
 }
 
-impl FrameReader {
-    pub(crate) fn new(source: Source) -> Self {
-        Self { source, offset: 0, given: 0, skipped: Skipped::default() }
-    }
-
-    pub(crate) const fn source(&self) -> &Source {
-        &self.source
-    }
-
+impl FrameScanner {
     /// The next message; `None` at the end.
-    pub(crate) fn next(&mut self, damage: &mut DamageLog) -> Result<Option<Frame<'_>>, ReadError> {
+    pub(crate) fn next<'a>(
+        &mut self,
+        source: &'a mut Source,
+        damage: &mut DamageLog,
+    ) -> Result<Option<Frame<'a>>, ReadError> {
         let given = core::mem::take(&mut self.given);
-        self.consume(given);
+        self.consume(source, given);
         let (protocol, length) = loop {
             let mut wanted = 1;
             let judgement = loop {
-                let bytes = self.source.start(wanted)?;
+                let bytes = source.start(wanted)?;
                 if bytes.is_empty() {
                     self.note_skipped(damage);
-                    self.note_broken_end(damage);
+                    if let Some(reason) = source.broken_off() {
+                        damage.note(self.offset, reason.to_owned());
+                    }
                     return Ok(None);
                 }
                 match judge(bytes) {
@@ -96,12 +93,12 @@ impl FrameReader {
             };
             match judgement {
                 Judgement::Message(protocol, length) => break (protocol, length),
-                _ => self.skip()?,
+                _ => self.skip(source)?,
             }
         };
         self.note_skipped(damage);
         self.given = length;
-        let bytes = &self.source.start(length)?[..length];
+        let bytes = &source.start(length)?[..length];
         let body = match protocol {
             Protocol::Ubx => &bytes[2..length - 2],
             Protocol::Rtcm3 => &bytes[3..length - 3],
@@ -111,8 +108,8 @@ impl FrameReader {
     }
 
     /// Goes on to the next byte that may begin a message.
-    fn skip(&mut self) -> Result<(), ReadError> {
-        let bytes = self.source.start(1)?;
+    fn skip(&mut self, source: &mut Source) -> Result<(), ReadError> {
+        let bytes = source.start(1)?;
         let next = memchr::memchr3(0xb5, 0xd3, b'$', &bytes[1..]);
         let length = next.map_or(bytes.len(), |next| next + 1);
         let is_text = |byte: &u8| matches!(byte, b'\t' | b'\r' | b'\n' | b' '..=b'~');
@@ -122,12 +119,12 @@ impl FrameReader {
         }
         self.skipped.length += length as u64;
         self.skipped.binary |= binary;
-        self.consume(length);
+        self.consume(source, length);
         Ok(())
     }
 
-    fn consume(&mut self, length: usize) {
-        std::io::BufRead::consume(&mut self.source, length);
+    fn consume(&mut self, source: &mut Source, length: usize) {
+        std::io::BufRead::consume(source, length);
         self.offset += length as u64;
     }
 
@@ -139,12 +136,6 @@ impl FrameReader {
                 format!("{} bytes at this offset are no whole message, skipped", skipped.length)
                     .into()
             });
-        }
-    }
-
-    fn note_broken_end(&self, damage: &mut DamageLog) {
-        if let Some(reason) = self.source.broken_off() {
-            damage.note(self.offset, reason.to_owned());
         }
     }
 }
@@ -203,10 +194,10 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> (Vec<(Protocol, u64)>, DamageLog) {
-        let source = Source::new(Cursor::new(bytes.to_vec()), "log").unwrap();
-        let (mut reader, mut damage) = (FrameReader::new(source), DamageLog::default());
+        let mut source = Source::new(Cursor::new(bytes.to_vec()), "log").unwrap();
+        let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
         let mut found = Vec::new();
-        while let Some(frame) = reader.next(&mut damage).unwrap() {
+        while let Some(frame) = scanner.next(&mut source, &mut damage).unwrap() {
             found.push((frame.protocol, frame.offset));
         }
         (found, damage)

@@ -8,6 +8,7 @@
 //! allows; it is a referee of the development tests instead (`tests-referees`).
 
 pub(crate) mod rawx;
+pub(crate) mod sfrbx;
 mod signal;
 mod write;
 

@@ -1,17 +1,20 @@
-//! Writes UBX logs: RXM-RAWX.
+//! Writes UBX logs: RXM-RAWX, RXM-SFRBX.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
+use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, Observation};
 use kurs::signal::System;
 
 use super::rawx::{
     HALF_CYCLE_KNOWN, HEADER, LOCK_TIME_MAX_MS, MEASUREMENT, PHASE_VALID, RANGE_VALID, RXM_RAWX,
 };
+use super::sfrbx;
 use super::signal::{satellite_ids, signal_id};
 use crate::logs::checksum::fletcher;
 use crate::logs::lock_clock::LockClock;
+use crate::navigation_frames::schedule::{Schedule, glonass_channels};
 
 /// Measurements that a message has room for.
 const MEASUREMENTS_MAX: usize = u8::MAX as usize;
@@ -26,17 +29,24 @@ pub struct UbxWriter<W: Write> {
     output: W,
     glonass_channels: BTreeMap<u8, i8>,
     locks: LockClock,
+    schedule: Schedule,
     payload: Vec<u8>,
 }
 
 impl<W: Write> UbxWriter<W> {
-    /// Begins a log; signals that u-blox has no number for, and GLONASS satellites without a known
-    /// channel, are left out of it.
-    pub fn new(output: W, glonass_channels: BTreeMap<u8, i8>) -> Self {
-        Self { output, glonass_channels, locks: LockClock::default(), payload: Vec::new() }
+    /// Begins a log of a receiver that receives the ephemerides of `navigation` too. Signals that
+    /// u-blox has no number for, and GLONASS satellites without a known channel, are left out of it.
+    pub fn new(output: W, navigation: &NavigationData) -> Self {
+        Self {
+            output,
+            glonass_channels: glonass_channels(navigation),
+            locks: LockClock::default(),
+            schedule: Schedule::new(navigation),
+            payload: Vec::new(),
+        }
     }
 
-    /// Writes an epoch as RXM-RAWX.
+    /// Writes an epoch as RXM-RAWX, and the ephemerides that have come by then.
     ///
     /// # Errors
     ///
@@ -60,7 +70,13 @@ impl<W: Write> UbxWriter<W> {
         }
         self.payload[11] = count;
         debug_assert_eq!(self.payload.len(), HEADER + MEASUREMENT * usize::from(count));
-        write_message(&mut self.output, RXM_RAWX, &self.payload)
+        write_message(&mut self.output, RXM_RAWX, &self.payload)?;
+        while let Some(ephemeris) = self.schedule.next(time) {
+            for payload in sfrbx::payloads(&ephemeris, time) {
+                write_message(&mut self.output, sfrbx::RXM_SFRBX, &payload)?;
+            }
+        }
+        Ok(())
     }
 
     fn measurement(&self, o: &Observation, lock_s: f64) -> Option<[u8; MEASUREMENT]> {

@@ -1,0 +1,50 @@
+//! When a simulated receiver has received which ephemeris.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::time::GpsTime;
+
+/// Satellites begin to send an ephemeris so long before its reference time, s.
+const AHEAD_S: f64 = 2.0 * 3600.0;
+/// GLONASS: half of the interval around the reference time, s.
+const AHEAD_GLONASS_S: f64 = 900.0;
+
+/// The ephemerides that are still to be sent, in the order of time.
+#[derive(Debug)]
+pub(crate) struct Schedule {
+    waiting: VecDeque<(GpsTime, Ephemeris)>,
+}
+
+impl Schedule {
+    /// All ephemerides of `data`.
+    pub(crate) fn new(data: &NavigationData) -> Self {
+        let begins = |e: &Ephemeris| match e {
+            Ephemeris::Kepler(_) => e.reference_time() + -AHEAD_S,
+            Ephemeris::Glonass(_) => e.reference_time() + -AHEAD_GLONASS_S,
+        };
+        let mut waiting: Vec<_> = data.ephemerides.iter().map(|e| (begins(e), *e)).collect();
+        waiting.sort_by_key(|(begins, _)| *begins);
+        Self { waiting: waiting.into() }
+    }
+
+    /// The next ephemeris that has begun by `time` and is still good then.
+    pub(crate) fn next(&mut self, time: GpsTime) -> Option<Ephemeris> {
+        while self.waiting.front().is_some_and(|(begins, _)| *begins <= time) {
+            let (_, ephemeris) = self.waiting.pop_front()?;
+            if time - ephemeris.reference_time() <= *ephemeris.interval_of_use_s().end() {
+                return Some(ephemeris);
+            }
+        }
+        None
+    }
+}
+
+/// GLONASS frequency channels by orbital slot.
+pub(crate) fn glonass_channels(data: &NavigationData) -> BTreeMap<u8, i8> {
+    let channel = |ephemeris: &Ephemeris| match ephemeris {
+        Ephemeris::Glonass(g) => Some((ephemeris.satellite().number, g.elements().channel)),
+        Ephemeris::Kepler(_) => None,
+    };
+    data.ephemerides.iter().filter_map(channel).collect()
+}
