@@ -75,6 +75,12 @@ impl Content {
         })
     }
 
+    /// Whether this is a receiver log: binary messages, observations and ephemerides among them.
+    #[must_use]
+    pub const fn is_log(&self) -> bool {
+        matches!(self, Self::Ubx | Self::Rtcm3 | Self::Sbf)
+    }
+
     fn of_header_line(line: &[u8]) -> Option<Self> {
         let label = line.get(60..)?.trim_ascii();
         let kind = line[20..60].trim_ascii();

@@ -136,8 +136,7 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
         let Ok(mut source) = Source::open(file) else { continue };
         let content = source.start(Content::ENOUGH).map(Content::of);
         let has_orbits = |content: &Content| {
-            use Content::{RinexNavigation, Rtcm3, Sbf, Sp3, Ubx};
-            matches!(content, RinexNavigation | Sp3 | Ubx | Rtcm3 | Sbf)
+            content.is_log() || matches!(content, Content::RinexNavigation | Content::Sp3)
         };
         if content.as_ref().is_ok_and(has_orbits) {
             let _ = kurs_formats::navigation::read(&mut source, &mut data);

@@ -11,6 +11,8 @@ use kurs::float_solution::recursive::Motion;
 use kurs::frames::Vector;
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
+use kurs::time::{Calendar, GpsTime};
+use kurs_formats::logs::LogOptions;
 use serde::Deserialize;
 
 use crate::config_file;
@@ -43,6 +45,8 @@ pub(crate) struct AntennaTable {
     pub(crate) antenna_type: Option<String>,
     /// The north mark against the body's forward axis, clockwise seen from above.
     pub(crate) antenna_orientation_deg: Option<f64>,
+    /// RTCM 3 log: the station that is this antenna.
+    pub(crate) station_id: Option<u16>,
 }
 
 /// Antenna calibrations.
@@ -59,6 +63,8 @@ pub(crate) struct AntexTable {
 pub(crate) struct NavTable {
     #[serde(default)]
     pub(crate) files: Vec<PathBuf>,
+    /// Date, or date and time, of logs that do not tell it.
+    pub(crate) approximate_time: Option<toml::value::Datetime>,
 }
 
 /// A further point of the body.
@@ -217,6 +223,20 @@ fn note_origins(table: &toml::Table, origin: &str, origins: &mut BTreeMap<String
     }
 }
 
+/// A date of TOML, with or without a time of day; some seconds between time scales do not matter.
+fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
+    let date = time.date?;
+    let (hour, minute) = time.time.map_or((12, 0), |time| (time.hour, time.minute));
+    GpsTime::from_calendar(Calendar {
+        year: i32::from(date.year),
+        month: date.month,
+        day: date.day,
+        hour,
+        minute,
+        second: 0.0,
+    })
+}
+
 /// `NAME=OBS[@X,Y,Z]`
 fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
     let expected = || UsageError(format!("--antenna {flag}: expected NAME=OBS or NAME=OBS@X,Y,Z"));
@@ -296,6 +316,16 @@ impl Loaded {
         self.folder.join(path)
     }
 
+    /// What the receiver logs of an antenna do not say by themselves.
+    pub(crate) fn log_options(&self, antenna: &AntennaTable) -> LogOptions {
+        LogOptions { station: antenna.station_id, approximate_time: self.approximate_time() }
+    }
+
+    /// `[nav] approximate_time`
+    pub(crate) fn approximate_time(&self) -> Option<GpsTime> {
+        self.config.nav.approximate_time.as_ref().and_then(gps_time)
+    }
+
     /// The text that stands for this configuration in its hash.
     pub(crate) fn text(&self) -> &str {
         &self.text
@@ -324,8 +354,12 @@ impl Loaded {
         if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
             return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
         }
-        if nav.files.is_empty() {
-            return Err(UsageError("no navigation file: give `[nav] files` or --nav FILE".into()));
+        if let Some(time) = &nav.approximate_time
+            && gps_time(time).is_none()
+        {
+            return Err(UsageError(format!(
+                "nav.approximate_time is {time}, expected a date since 1980 such as 2024-06-24"
+            )));
         }
         for a in antenna {
             match (&a.antenna_type, a.antenna_orientation_deg) {

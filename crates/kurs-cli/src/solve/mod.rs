@@ -14,6 +14,7 @@ use kurs::engine::{Engine, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
+use kurs_formats::content::Content;
 use kurs_formats::source::Source;
 
 use crate::failure::UsageError;
@@ -25,7 +26,7 @@ use crate::tables::Tables;
 use config::{Loaded, Overrides};
 use nmea::NmeaLog;
 use review::Review;
-use streams::Streams;
+use streams::{AntennaFiles, Streams};
 
 /// Attitude, baselines and position from observation and navigation files.
 #[derive(Debug, clap::Args)]
@@ -153,16 +154,33 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     bail!("{}", why_nothing(&summary, &streams, capable));
 }
 
-/// Navigation data of all files; what was damaged in them.
+/// Navigation data of all files, the logs among the observation files too; what was damaged in them.
 fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damage>)> {
     let mut navigation = NavigationData::default();
     let mut damage = Vec::new();
-    for file in &loaded.config.nav.files {
+    let given = loaded.config.nav.files.iter().map(|file| loaded.path(file));
+    let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
+    for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
-        let mut source = Source::open(&path)?;
-        let summary = kurs_formats::navigation::read(&mut source, &mut navigation)?;
-        let entries = summary.damage.listed().iter();
-        damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
+        if !files.contains(&path)
+            && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
+        {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        let expected = "no navigation file: give `[nav] files` or --nav FILE";
+        return Err(UsageError(expected.into()).into());
+    }
+    for (index, path) in files.iter().enumerate() {
+        let mut source = Source::open(path)?;
+        let near = loaded.approximate_time();
+        let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
+        // Damage of an observation log is found again with the observations.
+        if index < given_count {
+            let entries = summary.damage.listed().iter();
+            damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
+        }
     }
     if navigation.ephemerides.is_empty() {
         bail!("no usable ephemeris in the navigation files");
@@ -170,10 +188,14 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     Ok((navigation, damage))
 }
 
-fn observation_files(loaded: &Loaded) -> Vec<(String, Vec<PathBuf>)> {
+fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
     let antennas = loaded.config.antenna.iter();
     antennas
-        .map(|a| (a.name.clone(), a.obs.iter().map(|path| loaded.path(path)).collect()))
+        .map(|a| AntennaFiles {
+            name: a.name.clone(),
+            files: a.obs.iter().map(|path| loaded.path(path)).collect(),
+            options: loaded.log_options(a),
+        })
         .collect()
 }
 

@@ -6,10 +6,19 @@ use std::path::PathBuf;
 use anyhow::Context;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::time::GpsTime;
+use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
 
 /// Interval that is assumed while no antenna has shown two epochs, s.
 const UNKNOWN_INTERVAL_S: f64 = 1.0;
+
+/// Where the observations of one antenna are.
+pub(crate) struct AntennaFiles {
+    pub(crate) name: String,
+    /// In time order.
+    pub(crate) files: Vec<PathBuf>,
+    pub(crate) options: LogOptions,
+}
 
 /// One antenna's epochs, read one ahead.
 struct Stream {
@@ -29,11 +38,11 @@ pub(crate) struct Streams {
 }
 
 impl Streams {
-    /// Opens the files of every antenna (name, files in time order) and reads its first epoch.
-    pub(crate) fn open(antennas: Vec<(String, Vec<PathBuf>)>) -> anyhow::Result<Self> {
-        let open = |(name, files): (String, Vec<PathBuf>)| {
+    /// Opens the files of every antenna and reads its first epoch.
+    pub(crate) fn open(antennas: Vec<AntennaFiles>) -> anyhow::Result<Self> {
+        let open = |AntennaFiles { name, files, options }: AntennaFiles| {
             let context = || format!("antenna {name}");
-            let reader = SessionReader::open(&files).with_context(context)?;
+            let reader = SessionReader::open_with(&files, options).with_context(context)?;
             let next = AntennaEpoch::default();
             let mut stream = Stream { name, reader, next, has_next: false, span: None };
             stream.advance()?;
