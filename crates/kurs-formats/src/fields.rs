@@ -99,7 +99,8 @@ fn units(value: f64, unit: f64) -> i64 {
 #[derive(Debug, Clone)]
 pub(crate) struct BitReader<'a> {
     bytes: &'a [u8],
-    at: usize,
+    /// Bits read.
+    at: u64,
 }
 
 impl<'a> BitReader<'a> {
@@ -115,21 +116,25 @@ impl<'a> BitReader<'a> {
 
     /// Whether the message was long enough for everything that was read.
     pub(crate) const fn is_whole(&self) -> bool {
-        self.at <= 8 * self.bytes.len()
+        self.at <= 8 * self.bytes.len() as u64
+    }
+
+    fn at_byte(&self) -> usize {
+        usize::try_from(self.at / 8).unwrap_or(usize::MAX)
     }
 }
 
 impl Fields for BitReader<'_> {
     fn bits(&mut self, width: u32, _: u64) -> u64 {
         let mut value = 0;
-        let mut left = width as usize;
+        let mut left = width;
         while left > 0 {
-            let byte = self.bytes.get(self.at / 8).copied().unwrap_or(0);
-            let available = 8 - self.at % 8;
+            let byte = self.bytes.get(self.at_byte()).copied().unwrap_or(0);
+            let available = 8 - u32::try_from(self.at % 8).unwrap_or(0);
             let count = available.min(left);
-            let part = u64::from(byte) >> (available - count) & mask(count as u32);
-            value = value << count | part;
-            self.at += count;
+            let part = (u64::from(byte) >> (available - count)) & mask(count);
+            value = (value << count) | part;
+            self.at += u64::from(count);
             left -= count;
         }
         value
@@ -154,7 +159,7 @@ impl BitWriter {
 impl Fields for BitWriter {
     fn bits(&mut self, width: u32, value: u64) -> u64 {
         for bit in (0..width).rev() {
-            if self.length % 8 == 0 {
+            if self.length.is_multiple_of(8) {
                 self.bytes.push(0);
             }
             let place = 7 - self.length % 8;

@@ -163,8 +163,8 @@ fn written_epochs() -> Vec<AntennaEpoch> {
                     signal,
                     pseudorange_m: Some(range_m + 0.125 * f64::from(second)),
                     phase_cycles: Some(1.1e8 - 12_345.75 * f64::from(index)),
-                    // As UBX has it, a number of 32 bits.
-                    doppler_hz: Some(f64::from((-rate_mps / wavelength_m) as f32)),
+                    // A number that UBX can have, in 32 bits.
+                    doppler_hz: Some((-1024.0 * rate_mps / wavelength_m).round() / 1024.0),
                     cn0_dbhz: Some(f64::from(30 + index)),
                     lock: Lock(slip | half),
                 }

@@ -185,15 +185,15 @@ pub(crate) fn write_d2(message: &KeplerMessage) -> Option<[Subframe; 10]> {
     let rest = rest.finish()?;
     let mut rest = BitReader::new(&rest);
     let mut pages = [[0; 28]; 10];
-    for (page, index) in pages.iter_mut().zip(0u64..) {
+    for (index, page) in pages.iter_mut().enumerate() {
         let mut writer = BitWriter::default();
-        write_head(&mut writer, 1, first + 3 * index);
-        writer.bits(4, index + 1);
+        write_head(&mut writer, 1, first + 3 * index as u64);
+        writer.bits(4, index as u64 + 1);
         match index {
             0 => describe_d2_first(&mut writer, &mut message),
             1 => {}
             _ => {
-                let (over, width) = D2_PAGES[index as usize - 2];
+                let (over, width) = D2_PAGES[index - 2];
                 for (width, with) in
                     [(over, false), (width.min(64), true), (width.saturating_sub(64), true)]
                 {
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn words_round_trip() {
-        let mut subframe: Subframe = core::array::from_fn(|i| (i * 29 + 3) as u8);
+        let mut subframe: Subframe = core::array::from_fn(|i| u8::try_from(i * 9 + 3).unwrap());
         assert_eq!(from_words(to_words(&subframe)), subframe);
         subframe[27] = 255;
         assert_eq!(from_words(to_words(&subframe)), subframe);

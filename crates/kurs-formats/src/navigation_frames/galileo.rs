@@ -31,13 +31,17 @@ pub(crate) fn read_inav(satellite: Satellite, words: [&Word; 5]) -> Option<Keple
     issues.iter().all(|issue| *issue == issues[0]).then_some(message)
 }
 
-/// The words 1 to 5 of a message; `None` if a value does not fit.
-pub(crate) fn write_inav(message: &KeplerMessage) -> Option<[Word; 5]> {
+/// The words of a message in the order in which a satellite sends them, with those of the time (0
+/// and 6) that belong to a subframe; `None` if a value does not fit.
+pub(crate) fn write_inav(message: &KeplerMessage, leap_seconds: i32) -> Option<[Word; 7]> {
     let mut message = message.clone();
-    let mut words = [[0; 16]; 5];
-    for (word, number) in words.iter_mut().zip(1..) {
+    let mut words = [[0; 16]; 7];
+    for (word, number) in words.iter_mut().zip([2, 4, 6, 1, 3, 5, 0]) {
         let mut writer = BitWriter::default();
-        describe_inav(&mut writer, &mut message, number);
+        match number {
+            0 | 6 => write_time(&mut writer, &mut message, number, leap_seconds),
+            _ => describe_inav(&mut writer, &mut message, number),
+        }
         word.copy_from_slice(&writer.finish()?);
     }
     Some(words)
@@ -92,6 +96,27 @@ fn describe_inav(f: &mut impl Fields, m: &mut KeplerMessage, number: u64) {
             f.scaled_unsigned(20, 1.0, &mut m.sent_s);
             f.constant(23, 0);
         }
+    }
+}
+
+/// Tables 47 (word 6: UTC, here without a difference of fractions) and 50 (word 0).
+fn write_time(f: &mut impl Fields, m: &mut KeplerMessage, number: u64, leap_seconds: i32) {
+    f.constant(6, number);
+    if number == 0 {
+        f.constant(2, 0b10);
+        f.constant(64, 0); // 88 spare bits
+        f.constant(24, 0);
+        f.unsigned(12, &mut m.week);
+        f.scaled_unsigned(20, 1.0, &mut m.sent_s);
+    } else {
+        let [mut now, mut then] = [i64::from(leap_seconds); 2];
+        f.constant(32 + 24, 0);
+        f.signed(8, &mut now);
+        f.constant(8 + 8, m.week & 0xff);
+        f.constant(8 + 3, (m.week & 0xff) << 3 | 1);
+        f.signed(8, &mut then);
+        f.scaled_unsigned(20, 1.0, &mut m.sent_s);
+        f.constant(3, 0);
     }
 }
 
@@ -240,7 +265,7 @@ mod tests {
 
     #[test]
     fn pages_round_trip_and_one_wrong_bit_is_noticed() {
-        let word: Word = core::array::from_fn(|i| (i * 37 + 5) as u8);
+        let word: Word = core::array::from_fn(|i| u8::try_from(i * 13 + 5).unwrap());
         let page = page_of_word(&word);
         assert_eq!(word_of_page(&page), Some(word));
         for at in (0..114).chain(128..128 + 82 + 24) {

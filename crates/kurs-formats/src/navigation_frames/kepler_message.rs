@@ -11,6 +11,7 @@ use kurs::time::{GPST_MINUS_BDT_S, GpsTime};
 use crate::fields::{Fields, two_to};
 
 /// π as all the interface documents define it.
+#[allow(clippy::approx_constant)] // 0.002 units of the smallest angle
 const PI: f64 = 3.141_592_653_589_8;
 const HOUR_S: f64 = 3600.0;
 
@@ -120,7 +121,7 @@ impl KeplerMessage {
         let issue = u64::from(elements.issue);
         Self {
             elements: *elements,
-            week: week & (1 << week_bits(system)) - 1,
+            week: week % (1 << week_bits(system)),
             orbit_s: orbit.tow_s(),
             clock_s: clock.tow_s(),
             sent_s: own_time(system, sent).tow_s().floor(),

@@ -39,7 +39,7 @@ pub(crate) fn bits(system: System, time: GpsTime) -> u64 {
         .unwrap_or(0)
         % 604_800_000;
     match system {
-        System::Glonass => of_week_ms / 86_400_000 << 27 | of_week_ms % 86_400_000,
+        System::Glonass => ((of_week_ms / 86_400_000) << 27) | (of_week_ms % 86_400_000),
         _ => of_week_ms,
     }
 }

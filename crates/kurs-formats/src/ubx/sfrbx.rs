@@ -104,7 +104,7 @@ fn kepler_parts(elements: &KeplerElements, sent: GpsTime) -> Option<Vec<Vec<u32>
     Some(match elements.message {
         Message::Lnav => gps_lnav::write(&message)?.map(|s| gps_lnav::to_words(&s).to_vec()).into(),
         Message::GalileoInav => {
-            let words = galileo::write_inav(&message)?;
+            let words = galileo::write_inav(&message, sent.leap_seconds())?;
             words.map(|word| words_of(&galileo::page_of_word(&word), 8)).into()
         }
         Message::BeiDouD1 => {
