@@ -105,7 +105,8 @@ fn kepler_parts(elements: &KeplerElements, sent: GpsTime) -> Option<Vec<Vec<u32>
         Message::Lnav => gps_lnav::write(&message)?.map(|s| gps_lnav::to_words(&s).to_vec()).into(),
         Message::GalileoInav => {
             let words = galileo::write_inav(&message, sent.leap_seconds())?;
-            words.map(|word| words_of(&galileo::page_of_word(&word), 8)).into()
+            // The page has eight words; receivers send a ninth one with E1-B.
+            words.map(|word| words_of(&galileo::page_of_word(&word), 9)).into()
         }
         Message::BeiDouD1 => {
             beidou::write_d1(&message)?.map(|s| beidou::to_words(&s).to_vec()).into()
