@@ -104,6 +104,22 @@ fn navigation_files() {
 }
 
 #[test]
+fn receiver_logs() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(8);
+    for seed in seeds("log", "none") {
+        checks::receiver_log(&seed);
+        for _ in 0..1500 {
+            let mutated = mutate(&mut random, &seed);
+            checks::receiver_log(&mutated);
+            checks::observation_file(&mutated);
+        }
+        for end in (0..seed.len()).step_by(7) {
+            checks::receiver_log(&seed[..end]);
+        }
+    }
+}
+
+#[test]
 fn antenna_files() {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(5);
     for seed in seeds("antenna", "none") {

@@ -10,7 +10,7 @@ use kurs::observation::AntennaEpoch;
 use kurs_formats::damage::DamageLog;
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::positions::{PositionFix, csv, nmea};
-use kurs_formats::source::Source;
+use kurs_formats::source::{ReadError, Source};
 use kurs_formats::{antex, navigation, tdm};
 
 /// Reads any bytes as an observation file; panics if what comes out makes no sense.
@@ -25,8 +25,14 @@ pub fn observation_file(bytes: &[u8]) {
     let mut epoch = AntennaEpoch::default();
     let mut last = None;
     let mut epochs = 0;
-    while source.next_epoch(&mut epoch).expect("no operating system in between") {
-        epochs += 1;
+    loop {
+        match source.next_epoch(&mut epoch) {
+            Ok(false) => break,
+            Ok(true) => epochs += 1,
+            // A log of several stations.
+            Err(ReadError::WrongContent { .. }) if is_log => return,
+            Err(error) => panic!("no operating system in between: {error}"),
+        }
         assert!(packed || epochs <= lines, "more epochs than lines");
         assert!(last < Some(epoch.time), "{} is not later", epoch.time);
         last = Some(epoch.time);
@@ -37,6 +43,47 @@ pub fn observation_file(bytes: &[u8]) {
         assert!(packed || (first..=lines).contains(&damage.line), "{damage:?} of {lines} lines");
         assert!(!damage.what.is_empty());
     }
+}
+
+/// Reads any bytes as a receiver log whose messages have good checksums, whatever is in them.
+pub fn receiver_log(bytes: &[u8]) {
+    let sealed = sealed(bytes);
+    observation_file(&sealed);
+    navigation_file(&sealed);
+}
+
+/// Sets the checksum of everything that begins like a message.
+fn sealed(bytes: &[u8]) -> Vec<u8> {
+    let mut sealed = bytes.to_vec();
+    let mut at = 0;
+    while at < sealed.len() {
+        let rest = &mut sealed[at..];
+        let length = match *rest {
+            [0xb5, 0x62, _, _, low, high, ..] => 8 + usize::from(u16::from_le_bytes([low, high])),
+            [0xd3, high, low, ..] if high < 4 => 6 + usize::from(u16::from_be_bytes([high, low])),
+            _ => 0,
+        };
+        match rest.get_mut(..length) {
+            Some([0xb5, _, body @ .., a, b]) => {
+                (*a, *b) = body.iter().fold((0, 0), |(a, b): (u8, u8), byte| {
+                    let a = a.wrapping_add(*byte);
+                    (a, b.wrapping_add(a))
+                });
+            }
+            Some(message @ [0xd3, ..]) => {
+                let (body, checksum) = message.split_at_mut(length - 3);
+                let crc = body.iter().flat_map(|byte| (0..8).rev().map(move |i| byte >> i & 1));
+                let crc = crc.fold(0u32, |crc, bit| {
+                    let carry = crc >> 23 ^ u32::from(bit);
+                    (crc << 1 ^ if carry & 1 == 1 { 0x86_4cfb } else { 0 }) & 0xff_ffff
+                });
+                checksum.copy_from_slice(&crc.to_be_bytes()[1..]);
+            }
+            _ => {}
+        }
+        at += length.max(1);
+    }
+    sealed
 }
 
 fn check_epoch(epoch: &AntennaEpoch) {
