@@ -4,20 +4,27 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Reason, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
+const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
+const COMPONENTS: [&str; 4] = ["east_m", "north_m", "up_m", "length_m"];
+
 /// Counts and statistics, gathered row by row.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Summary {
+    antennas: Vec<String>,
     epochs: u64,
-    by_status: BTreeMap<&'static str, u64>,
-    reasons: BTreeMap<&'static str, u64>,
+    by_status: BTreeMap<Status, u64>,
+    by_reason: BTreeMap<Reason, u64>,
     capable: u64,
     first: Option<GpsTime>,
     first_fix: Option<GpsTime>,
-    moments: BTreeMap<String, Moments>,
+    /// Of [`ANGLES`].
+    angles: [Moments; 3],
+    /// Of [`COMPONENTS`], by the antennas at the ends.
+    baselines: BTreeMap<(usize, usize), [Moments; 4]>,
 }
 
 /// One thing that could not be used.
@@ -63,21 +70,36 @@ pub(crate) struct SummaryFile<'a> {
     not_capable: u64,
     fix_rate: Option<f64>,
     time_to_first_fix_s: Option<f64>,
-    mean: BTreeMap<&'a str, f64>,
-    std: BTreeMap<&'a str, f64>,
-    reasons: &'a BTreeMap<&'static str, u64>,
+    mean: BTreeMap<String, f64>,
+    std: BTreeMap<String, f64>,
+    reasons: BTreeMap<&'static str, u64>,
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
 }
 
 impl Summary {
+    /// Of a run with these antennas, nothing counted yet.
+    pub(crate) fn new(antennas: Vec<String>) -> Self {
+        Self {
+            antennas,
+            epochs: 0,
+            by_status: BTreeMap::new(),
+            by_reason: BTreeMap::new(),
+            capable: 0,
+            first: None,
+            first_fix: None,
+            angles: Default::default(),
+            baselines: BTreeMap::new(),
+        }
+    }
+
     /// Takes one row into account; `capable`: it had enough input to be fixed.
-    pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool, antennas: &[String]) {
+    pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool) {
         self.epochs += 1;
-        *self.by_status.entry(row.status.word()).or_default() += 1;
+        *self.by_status.entry(row.status).or_default() += 1;
         if let Some(reason) = row.reason {
-            *self.reasons.entry(reason.word()).or_default() += 1;
+            *self.by_reason.entry(reason).or_default() += 1;
         }
         self.first.get_or_insert(row.time);
         self.capable += u64::from(capable);
@@ -86,42 +108,45 @@ impl Summary {
         }
         self.first_fix.get_or_insert(row.time);
         if let Some(attitude) = &row.attitude {
-            let angles = [
-                ("heading_deg", attitude.heading_rad),
-                ("pitch_deg", attitude.pitch_rad),
-                ("roll_deg", attitude.roll_rad),
-            ];
-            for (name, angle) in angles {
-                if let Some(angle) = angle {
-                    self.moment(name).add_angle_deg(angle.to_degrees());
-                }
-            }
+            self.add_angles(attitude);
         }
-        for baseline in &row.baselines {
-            let pair = format!("{}-{}", antennas[baseline.base], antennas[baseline.rover]);
-            let vector = baseline.baseline_m.xyz();
-            let components = [
-                ("east_m", vector.x),
-                ("north_m", vector.y),
-                ("up_m", vector.z),
-                ("length_m", vector.norm()),
-            ];
-            for (name, value) in components {
-                self.moment(&format!("{pair} {name}")).add(value);
+        row.baselines.iter().for_each(|baseline| self.add_baseline(baseline));
+    }
+
+    fn add_angles(&mut self, attitude: &AttitudeEstimate) {
+        let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
+        for (moments, angle) in self.angles.iter_mut().zip(angles) {
+            if let Some(angle) = angle {
+                moments.add_angle_deg(angle.to_degrees());
             }
         }
     }
 
-    fn moment(&mut self, name: &str) -> &mut Moments {
-        if !self.moments.contains_key(name) {
-            self.moments.insert(name.to_owned(), Moments::default());
-        }
-        self.moments.get_mut(name).expect("inserted above")
+    fn add_baseline(&mut self, baseline: &BaselineEstimate) {
+        let moments = self.baselines.entry((baseline.base, baseline.rover)).or_default();
+        let vector = baseline.baseline_m.xyz();
+        let components = [vector.x, vector.y, vector.z, vector.norm()];
+        moments.iter_mut().zip(components).for_each(|(moments, value)| moments.add(value));
+    }
+
+    /// Name and moments of everything that has a value, by name.
+    fn moments(&self) -> BTreeMap<String, Moments> {
+        let angles = ANGLES.iter().zip(self.angles).map(|(name, m)| ((*name).to_owned(), m));
+        let baselines = self.baselines.iter().flat_map(|((base, rover), moments)| {
+            let pair = format!("{}-{}", self.antennas[*base], self.antennas[*rover]);
+            COMPONENTS.iter().zip(moments).map(move |(name, m)| (format!("{pair} {name}"), *m))
+        });
+        angles.chain(baselines).filter(|(_, moments)| moments.count > 0.0).collect()
+    }
+
+    /// Counts by the word of the reason.
+    fn reasons(&self) -> BTreeMap<&'static str, u64> {
+        self.by_reason.iter().map(|(reason, count)| (reason.word(), *count)).collect()
     }
 
     /// Number of rows with a status.
     pub(crate) fn count(&self, status: Status) -> u64 {
-        self.by_status.get(status.word()).copied().unwrap_or(0)
+        self.by_status.get(&status).copied().unwrap_or(0)
     }
 
     /// Number of rows.
@@ -141,7 +166,7 @@ impl Summary {
 
     /// The most frequent reason.
     pub(crate) fn main_reason(&self) -> Option<&'static str> {
-        self.reasons.iter().max_by_key(|(_, count)| **count).map(|(word, _)| *word)
+        self.reasons().into_iter().max_by_key(|(_, count)| *count).map(|(word, _)| word)
     }
 
     /// Fixed rows over rows in which two antennas share at least four satellites.
@@ -151,14 +176,14 @@ impl Summary {
 
     /// Everything for the file.
     pub(crate) fn file<'a>(
-        &'a self,
+        &self,
         configuration: &str,
         damage: &'a [Damage],
         wall_s: f64,
     ) -> SummaryFile<'a> {
         let mut hasher = DefaultHasher::new();
         configuration.hash(&mut hasher);
-        let moments = || self.moments.iter();
+        let moments = self.moments();
         SummaryFile {
             version: env!("CARGO_PKG_VERSION"),
             configuration_hash: format!("{:016x}", hasher.finish()),
@@ -170,9 +195,9 @@ impl Summary {
             not_capable: self.count(Status::NotCapable),
             fix_rate: self.fix_rate(),
             time_to_first_fix_s: self.first_fix.zip(self.first).map(|(fix, first)| fix - first),
-            mean: moments().map(|(name, m)| (name.as_str(), m.mean(name))).collect(),
-            std: moments().map(|(name, m)| (name.as_str(), m.std())).collect(),
-            reasons: &self.reasons,
+            mean: moments.iter().map(|(name, m)| (name.clone(), m.mean(name))).collect(),
+            std: moments.iter().map(|(name, m)| (name.clone(), m.std())).collect(),
+            reasons: self.reasons(),
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
@@ -190,8 +215,9 @@ impl Summary {
         if let Some(rate) = self.fix_rate() {
             rows.push(["fix rate".to_owned(), format!("{:.2} %", 100.0 * rate)]);
         }
-        for (name, m) in &self.moments {
-            rows.push([name.clone(), format!("mean {:.4}, std {:.4}", m.mean(name), m.std())]);
+        for (name, m) in self.moments() {
+            let text = format!("mean {:.4}, std {:.4}", m.mean(&name), m.std());
+            rows.push([name, text]);
         }
         rows
     }
@@ -210,15 +236,15 @@ impl Summary {
         if let Some(rate) = self.fix_rate() {
             lines.push(format!("fix rate {:.2} %", 100.0 * rate));
         }
-        if !self.reasons.is_empty() {
-            let mut reasons: Vec<_> = self.reasons.iter().collect();
-            reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+        if !self.by_reason.is_empty() {
+            let mut reasons: Vec<_> = self.reasons().into_iter().collect();
+            reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
             let words: Vec<_> =
                 reasons.iter().map(|(word, count)| format!("{word} {count}")).collect();
             lines.push(format!("not fixed because: {}", words.join(", ")));
         }
-        for (name, m) in &self.moments {
-            lines.push(format!("{name:<24} mean {:>11.4}  std {:>9.4}", m.mean(name), m.std()));
+        for (name, m) in self.moments() {
+            lines.push(format!("{name:<24} mean {:>11.4}  std {:>9.4}", m.mean(&name), m.std()));
         }
         lines.join("\n")
     }

@@ -116,15 +116,16 @@ impl Tables {
 
     /// Writes the rows of one epoch.
     pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
-        write_attitude(&mut self.attitude_table, row)?;
-        self.write_baselines(row)?;
-        self.write_points(row)
+        let time = TimeColumns::new(row.time);
+        write_attitude(&mut self.attitude_table, &time, row)?;
+        self.write_baselines(&time, row)?;
+        self.write_points(&time, row)
     }
 
-    fn write_baselines(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+    fn write_baselines(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
         for baseline in &row.baselines {
             let t = &mut self.baseline_table;
-            time_columns(t, row.time);
+            time.write(t);
             t.text(&self.antennas[baseline.base]);
             t.text(&self.antennas[baseline.rover]);
             t.text(baseline.status.word());
@@ -141,10 +142,10 @@ impl Tables {
         Ok(())
     }
 
-    fn write_points(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+    fn write_points(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
         let Some(t) = &mut self.point_table else { return Ok(()) };
         for point in &row.points {
-            time_columns(t, row.time);
+            time.write(t);
             t.text(&self.points[point.index]);
             t.real(Some(point.geodetic.latitude_rad.to_degrees()), 10);
             t.real(Some(point.geodetic.longitude_rad.to_degrees()), 10);
@@ -165,8 +166,8 @@ impl Tables {
 }
 
 /// Writes the row of one epoch.
-pub(crate) fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Result<()> {
-    time_columns(t, row.time);
+pub(crate) fn write_attitude(t: &mut Table, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
+    time.write(t);
     t.text(row.status.word());
     t.text(row.reason.map_or("", |reason| reason.word()));
     for count in [row.antennas, row.satellites, row.ambiguities] {
@@ -188,12 +189,26 @@ pub(crate) fn write_attitude(t: &mut Table, row: &EpochSolution) -> anyhow::Resu
     t.end_row()
 }
 
-/// `time_gpst, gps_week, tow_s`
-pub(crate) fn time_columns(t: &mut Table, time: GpsTime) {
-    let digits = if time.as_nanoseconds() % 1_000_000 == 0 { 3 } else { 7 };
-    t.text(&time.calendar().iso(digits));
-    t.integer(time.week());
-    t.real(Some(time.tow_s()), digits);
+/// `time_gpst, gps_week, tow_s`, made ready once for all rows of an epoch.
+pub(crate) struct TimeColumns {
+    gpst: String,
+    week: i64,
+    tow_s: f64,
+    digits: usize,
+}
+
+impl TimeColumns {
+    pub(crate) fn new(time: GpsTime) -> Self {
+        let digits = if time.as_nanoseconds() % 1_000_000 == 0 { 3 } else { 7 };
+        let gpst = time.calendar().iso(digits);
+        Self { gpst, week: time.week(), tow_s: time.tow_s(), digits }
+    }
+
+    pub(crate) fn write(&self, t: &mut Table) {
+        t.text(&self.gpst);
+        t.integer(self.week);
+        t.real(Some(self.tow_s), self.digits);
+    }
 }
 
 /// `heading_deg` to `cov_pr_deg2`

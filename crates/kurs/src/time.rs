@@ -179,15 +179,12 @@ impl GpsTime {
     /// GPST − UTC at this instant, in seconds, from the built-in table.
     #[must_use]
     pub fn leap_seconds(self) -> i32 {
-        let mut count = 0;
-        for (year, month, leap) in LEAP_SECONDS {
-            let day = days_from_civil(year, month, 1) - GPS_EPOCH_DAY;
-            // The count changes when the leap second ends: at 00:00:00 UTC of that day.
-            if self.nanoseconds >= day * NS_PER_DAY + i64::from(leap) * NS_PER_S {
-                count = leap;
-            }
-        }
-        count
+        // The count changes when the leap second ends: at 00:00:00 UTC of that day.
+        let has_ended = |(year, month, leap): &(i32, u8, i32)| {
+            let day = days_from_civil(*year, *month, 1) - GPS_EPOCH_DAY;
+            self.nanoseconds >= day * NS_PER_DAY + i64::from(*leap) * NS_PER_S
+        };
+        LEAP_SECONDS.iter().rfind(|entry| has_ended(entry)).map_or(0, |(_, _, leap)| *leap)
     }
 }
 
@@ -198,19 +195,35 @@ impl Calendar {
     /// ordinary second.
     #[must_use]
     pub fn iso(self, digits: usize) -> String {
-        let scale = 10f64.powi(i32::try_from(digits).unwrap_or(9));
-        let rounded = (self.second * scale).round() / scale;
-        let date = if rounded >= 60.0 && self.second < 60.0 {
-            GpsTime::from_calendar(Self { second: 0.0, ..self })
-                .map_or(self, |minute| (minute + 60.0).calendar())
-        } else {
-            Self { second: rounded, ..self }
-        };
-        let width = if digits == 0 { 2 } else { digits + 3 };
-        format!(
-            "{:04}-{:02}-{:02}T{:02}:{:02}:{:0width$.digits$}",
-            date.year, date.month, date.day, date.hour, date.minute, date.second
-        )
+        let digits = digits.min(9);
+        #[allow(clippy::cast_possible_truncation)] // at most 9
+        let scale = 10_u64.pow(digits as u32);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 ≤ second < 61
+        let rounded = (self.second * scale as f64 + 0.5) as u64;
+        if rounded >= 60 * scale
+            && self.second < 60.0
+            && let Some(minute) = GpsTime::from_calendar(Self { second: 0.0, ..self })
+        {
+            return (minute + 60.0).calendar().iso(digits);
+        }
+        let fields: [(u64, usize, u8); 5] = [
+            (self.year.unsigned_abs().into(), 4, b'-'),
+            (self.month.into(), 2, b'-'),
+            (self.day.into(), 2, b'T'),
+            (self.hour.into(), 2, b':'),
+            (self.minute.into(), 2, b':'),
+        ];
+        let mut text = Vec::with_capacity(32);
+        for (number, width, end) in fields {
+            push_digits(&mut text, number, width);
+            text.push(end);
+        }
+        push_digits(&mut text, rounded / scale, 2);
+        if digits > 0 {
+            text.push(b'.');
+            push_digits(&mut text, rounded % scale, digits);
+        }
+        String::from_utf8(text).unwrap_or_default()
     }
 }
 
@@ -247,6 +260,17 @@ impl AddAssign<f64> for GpsTime {
 #[allow(clippy::cast_possible_truncation)] // `as` saturates, and ±292 years are enough
 fn nanoseconds(seconds: f64) -> i64 {
     (seconds * 1e9).round() as i64
+}
+
+/// The last `width` digits of a number.
+fn push_digits(text: &mut Vec<u8>, number: u64, width: usize) {
+    let start = text.len();
+    text.resize(start + width, b'0');
+    let mut rest = number;
+    for digit in text[start..].iter_mut().rev() {
+        *digit = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
 }
 
 fn small(value: i64) -> u8 {

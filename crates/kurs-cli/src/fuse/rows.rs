@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::output::OutputFile;
 use crate::summary::{Damage, Summary};
 use crate::table::{Table, TableFormat};
-use crate::tables::{create_attitude, time_columns, write_attitude};
+use crate::tables::{TimeColumns, create_attitude, write_attitude};
 use crate::truth::{Truth, difference_deg};
 
 /// Health of the filter since the row before.
@@ -102,7 +102,7 @@ impl Rows {
             truth,
             first: None,
             errors: Errors::default(),
-            summary: Summary::default(),
+            summary: Summary::new(Vec::new()),
             total: Health::default(),
             events: Vec::new(),
         })
@@ -111,10 +111,11 @@ impl Rows {
     /// Writes the rows of one epoch.
     pub(super) fn write(&mut self, row: &SessionRow) -> anyhow::Result<()> {
         let solution = &row.solution;
-        write_attitude(&mut self.attitude, solution)?;
-        self.summary.add(solution, false, &[]);
+        let time = TimeColumns::new(solution.time);
+        write_attitude(&mut self.attitude, &time, solution)?;
+        self.summary.add(solution, false);
         self.total.add(&row.health);
-        self.write_health(row)?;
+        self.write_health(&time, row)?;
         self.compare(row);
         for (time_s, event) in &row.events {
             let text = format!("{time_s:.3} s: {event}");
@@ -126,10 +127,10 @@ impl Rows {
         Ok(())
     }
 
-    fn write_health(&mut self, row: &SessionRow) -> anyhow::Result<()> {
+    fn write_health(&mut self, time: &TimeColumns, row: &SessionRow) -> anyhow::Result<()> {
         let (t, health) = (&mut self.health, &row.health);
         let whole = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
-        time_columns(t, row.solution.time);
+        time.write(t);
         for tally in [health.gnss, health.accelerometer] {
             t.integer(whole(tally.used));
             t.integer(whole(tally.rejected));

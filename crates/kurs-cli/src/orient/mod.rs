@@ -12,8 +12,10 @@ use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
-use kurs::orientation::{Method, Orienter, Settings};
-use kurs::solution::Status;
+use kurs::orientation::{Method, Orienter, PositionEpoch, Settings};
+use kurs::solution::{EpochSolution, Status};
+use kurs_formats::positions::nmea::Date;
+use rayon::prelude::*;
 
 use crate::config_file;
 use crate::failure::UsageError;
@@ -27,6 +29,8 @@ use positions::Positions;
 
 /// Stated standard deviations are left alone unless they are this many times too small.
 const TRUSTED_SD_FACTOR: f64 = 1.5;
+/// Epochs that are solved, by all processors, while those before are written.
+const EPOCHS_AT_ONCE: usize = 8192;
 
 /// Attitude from antenna coordinates that receivers already give.
 #[derive(Debug, clap::Args)]
@@ -39,6 +43,9 @@ pub(crate) struct Args {
     /// How the attitude is found.
     #[arg(long, value_enum, default_value = "weighted")]
     method: MethodName,
+    /// UTC date of the first position, for NMEA logs that say none.
+    #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
+    date: Option<Date>,
     /// Folder for the outputs.
     #[arg(long, value_name = "DIR", default_value = "kurs-out")]
     out: PathBuf,
@@ -59,13 +66,23 @@ enum MethodName {
     ThreePoint,
 }
 
+/// Reads `--date`.
+fn date(text: &str) -> Result<Date, String> {
+    let parts: Vec<&str> = text.split('-').collect();
+    let [year, month, day] = parts[..] else { return Err("expected YYYY-MM-DD".to_owned()) };
+    match (year.parse(), month.parse(), day.parse()) {
+        (Ok(year @ 1980..=2200), Ok(month @ 1..=12), Ok(day @ 1..=31)) => Ok((year, month, day)),
+        _ => Err("expected YYYY-MM-DD".to_owned()),
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let config: Config = config_file::read(&args.config)?;
     config.check()?;
     let given = config.array()?;
     let names = config.names();
-    let input = positions::read(&args.positions, &config)?;
+    let input = positions::read(&args.positions, args.date, &config)?;
     if input.epochs.is_empty() {
         bail!("no position of the antennas {} in {}", names.join(", "), args.positions.join(", "));
     }
@@ -75,28 +92,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         None => estimated_array(&input, &names, &args.out)?,
     };
     let orienter = orienter(args, &config, array, &input)?;
-    let mut summary = Summary::default();
-    let mut outputs = Vec::new();
-    for format in &args.format {
-        let points = config.point.iter().map(|point| point.name.clone()).collect();
-        outputs.push(Tables::create(&args.out, *format, names.clone(), points)?);
-    }
-    let mut progress = Progress::start(args.quiet);
-    for epoch in &input.epochs {
-        let row = orienter.push(epoch);
-        summary.add(&row, epoch.antennas.iter().flatten().count() >= 2, &names);
-        for tables in &mut outputs {
-            tables.write(&row)?;
-        }
-        progress.epoch(row.status == Status::Fixed);
-    }
+    let mut outputs = Outputs::create(args, &config)?;
+    outputs.write_all(&orienter, &input.epochs)?;
+    let Outputs { summary, tables, progress } = outputs;
     let wall_s = progress.finish();
 
     let text = std::fs::read_to_string(&args.config).unwrap_or_default();
     let mut json = OutputFile::create(&args.out, "summary.json")?;
     serde_json::to_writer_pretty(&mut json, &summary.file(&text, &input.damage, wall_s))?;
     json.finish()?;
-    for tables in outputs {
+    for tables in tables {
         tables.finish()?;
     }
     if !args.quiet {
@@ -109,6 +114,54 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
         Some("geometry") => bail!("the coordinates never keep the distances of the antennas"),
         _ => bail!("no epoch has an attitude"),
+    }
+}
+
+/// Where the rows go.
+struct Outputs {
+    summary: Summary,
+    tables: Vec<Tables>,
+    progress: Progress,
+}
+
+impl Outputs {
+    fn create(args: &Args, config: &Config) -> anyhow::Result<Self> {
+        let points: Vec<String> = config.point.iter().map(|point| point.name.clone()).collect();
+        let tables = args
+            .format
+            .iter()
+            .map(|format| Tables::create(&args.out, *format, config.names(), points.clone()));
+        Ok(Self {
+            summary: Summary::new(config.names()),
+            tables: tables.collect::<anyhow::Result<_>>()?,
+            progress: Progress::start(args.quiet),
+        })
+    }
+
+    /// Solves all epochs and writes their rows in order.
+    fn write_all(&mut self, orienter: &Orienter, epochs: &[PositionEpoch]) -> anyhow::Result<()> {
+        let mut blocks = epochs.chunks(EPOCHS_AT_ONCE);
+        let mut solve_next = || -> Option<Vec<EpochSolution>> {
+            Some(blocks.next()?.par_iter().map(|epoch| orienter.push(epoch)).collect())
+        };
+        let mut solved = solve_next();
+        while let Some(rows) = solved {
+            let (written, next) = rayon::join(|| self.write(&rows), &mut solve_next);
+            written?;
+            solved = next;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, rows: &[EpochSolution]) -> anyhow::Result<()> {
+        for row in rows {
+            self.summary.add(row, row.antennas >= 2);
+            for tables in &mut self.tables {
+                tables.write(row)?;
+            }
+            self.progress.epoch(row.status == Status::Fixed);
+        }
+        Ok(())
     }
 }
 

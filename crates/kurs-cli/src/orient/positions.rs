@@ -24,8 +24,12 @@ pub(super) struct Positions {
     pub(super) damage: Vec<Damage>,
 }
 
-/// Reads the files, `FILE` or `NAME=FILE`.
-pub(super) fn read(files: &[String], config: &Config) -> anyhow::Result<Positions> {
+/// Reads the files, `FILE` or `NAME=FILE`; `date` is for logs without one.
+pub(super) fn read(
+    files: &[String],
+    date: Option<nmea::Date>,
+    config: &Config,
+) -> anyhow::Result<Positions> {
     let names = config.names();
     let mut fixes: Vec<PositionFix> = Vec::new();
     let mut positions = Positions::default();
@@ -33,10 +37,12 @@ pub(super) fn read(files: &[String], config: &Config) -> anyhow::Result<Position
         let (name, path) = split_argument(argument, &names);
         let mut source = Source::open(&path)?;
         let mut log = DamageLog::default();
-        match Content::of(source.start(Content::ENOUGH)?) {
-            Content::Nmea => {
+        let start = source.start(Content::ENOUGH)?;
+        match Content::of(start) {
+            // A log may begin in the middle of a sentence or with binary messages.
+            _ if nmea::has_sentence(start) => {
                 let antenna = antenna_of(name, &path, place, files.len(), &names)?;
-                nmea::read(&mut source, antenna, &mut log, |fix| fixes.push(fix))?;
+                nmea::read(&mut source, antenna, date, &mut log, |fix| fixes.push(fix))?;
             }
             Content::Text(_) => {
                 csv::read(&mut source, &names, &mut log, |fix| fixes.push(fix))?;
@@ -92,6 +98,8 @@ fn epochs(mut fixes: Vec<PositionFix>, config: &Config) -> Vec<PositionEpoch> {
     let orient = &config.orient;
     let default_sd = [orient.sd_north_m, orient.sd_east_m, orient.sd_down_m];
     fixes.sort_by_key(|fix| (fix.time, fix.antenna));
+    // Some receivers tell the same position under two talkers.
+    fixes.dedup_by_key(|fix| (fix.time, fix.antenna));
     let mut epochs: Vec<PositionEpoch> = Vec::new();
     let is_later = |time: GpsTime, first: GpsTime| time - first > orient.match_window_s;
     for fix in fixes {
@@ -103,7 +111,8 @@ fn epochs(mut fixes: Vec<PositionFix>, config: &Config) -> Vec<PositionEpoch> {
                 .push(PositionEpoch { time: fix.time, antennas: vec![None; config.antenna.len()] });
         }
         if let Some(epoch) = epochs.last_mut() {
-            let sd_ned_m = fix.sd_ned_m.unwrap_or(default_sd);
+            let assumed = || default_sd.map(|sd| fix.sd_factor * sd);
+            let sd_ned_m = fix.sd_ned_m.unwrap_or_else(assumed);
             epoch.antennas[fix.antenna] = Some(AntennaFix { position_m: fix.position_m, sd_ned_m });
         }
     }

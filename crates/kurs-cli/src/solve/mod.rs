@@ -118,15 +118,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         .map_err(|e| UsageError(e.to_string()))?
         .with_phase_centers(mounts);
     let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
-    let names = antenna_names(&loaded);
     let capable = streams.antennas_with_epochs() >= 2;
 
-    let mut summary = Summary::default();
+    let mut summary = Summary::new(antenna_names(&loaded));
     let mut progress = Progress::start(args.quiet);
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
         let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
-        summary.add(&row, row.shared_satellites >= 4, &names);
+        summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
         progress.epoch(row.status == Status::Fixed);

@@ -1,6 +1,7 @@
 //! Tables of coordinates: one row for each antenna and time, columns found by their names.
 //!
-//! Time: `gps_week, tow_s` or `time_utc` (`2024-05-01T12:00:00.5Z`). Antenna: `name`. Place:
+//! Time: `gps_week, tow_s`, or `time_utc` (`2024-05-01T12:00:00.5Z`, or with another zone,
+//! `2024-05-01 14:00:00.5+02:00`), or `time_gpst`. Antenna: `name`. Place:
 //! `latitude_deg, longitude_deg, height_m` (WGS 84, above the ellipsoid) or `x_m, y_m, z_m` (ECEF).
 //! Optional: `sd_north_m, sd_east_m, sd_down_m`. Other columns are passed over.
 
@@ -27,6 +28,7 @@ struct Columns {
 enum TimeColumns {
     WeekTow([usize; 2]),
     Utc(usize),
+    Gpst(usize),
 }
 
 enum PlaceColumns {
@@ -79,9 +81,11 @@ impl Columns {
         let three = |[a, b, c]: [&str; 3]| Some([find(a)?, find(b)?, find(c)?]);
         let missing = |what: &str| format!("column {what} is missing; found: {header}");
 
-        let time = match (find("gps_week"), find("tow_s"), find("time_utc")) {
-            (Some(week), Some(tow), _) => TimeColumns::WeekTow([week, tow]),
-            (_, _, Some(utc)) => TimeColumns::Utc(utc),
+        let week_tow = find("gps_week").zip(find("tow_s"));
+        let time = match (week_tow, find("time_utc"), find("time_gpst")) {
+            (Some((week, tow)), _, _) => TimeColumns::WeekTow([week, tow]),
+            (None, Some(utc), _) => TimeColumns::Utc(utc),
+            (None, None, Some(gpst)) => TimeColumns::Gpst(gpst),
             _ => return Err(missing("`gps_week` with `tow_s`, or `time_utc`,")),
         };
         let geodetic = three(["latitude_deg", "longitude_deg", "height_m"]);
@@ -131,11 +135,19 @@ impl Columns {
             TimeColumns::WeekTow([week, tow]) => {
                 let (week, tow) = (text(fields[*week])?, number(fields[*tow])?);
                 let week: i32 = week.parse().map_err(|_| format!("week `{week}` is no number"))?;
-                GpsTime::from_week_tow(week, tow).ok_or(format!("no time: week {week}, {tow} s"))?
+                GpsTime::from_week_tow(week, tow)
+                    .ok_or_else(|| format!("no time: week {week}, {tow} s"))?
             }
             TimeColumns::Utc(column) => {
                 let word = text(fields[*column])?;
-                parse_utc(word).ok_or(format!("no time: `{word}`"))?
+                parse_utc(word).ok_or_else(|| format!("no time: `{word}`"))?
+            }
+            TimeColumns::Gpst(column) => {
+                let word = text(fields[*column])?;
+                let calendar = parse_calendar(word);
+                calendar
+                    .and_then(GpsTime::from_calendar)
+                    .ok_or_else(|| format!("no time: `{word}`"))?
             }
         };
         let position_m = match &self.place {
@@ -164,15 +176,36 @@ impl Columns {
             }
             _ => None,
         };
-        Ok(Some(PositionFix { time, antenna, position_m, sd_ned_m }))
+        Ok(Some(PositionFix { time, antenna, position_m, sd_ned_m, sd_factor: 1.0 }))
     }
 }
 
-/// `2024-05-01T12:00:00.5Z`, with a blank for `T`, with or without the `Z`.
+/// `2024-05-01T12:00:00.5` with a blank for `T`, and `Z`, `+02:00`, `-0300` or nothing for the zone.
 fn parse_utc(word: &str) -> Option<GpsTime> {
-    let word = word.strip_suffix('Z').unwrap_or(word);
-    let (date, time) = word.split_once(['T', ' '])?;
-    let mut date = date.split('-');
+    let word = word.strip_suffix(['Z', 'z']).or(word.strip_suffix(" UTC")).unwrap_or(word);
+    // A sign behind the date begins the zone.
+    let sign = word.get(11..)?.rfind(['+', '-']).map_or(word.len(), |place| place + 11);
+    let (local, zone) = word.split_at(sign);
+    Some(GpsTime::from_utc(parse_calendar(local)?)? + -zone_s(zone)?)
+}
+
+/// Seconds by which `+02:00` or `-0300` is ahead of UTC.
+fn zone_s(zone: &str) -> Option<f64> {
+    if zone.is_empty() {
+        return Some(0.0);
+    }
+    let digits: String = zone[1..].chars().filter(|c| *c != ':').collect();
+    let (hours, minutes) = (digits.get(..2)?, digits.get(2..).filter(|m| !m.is_empty()));
+    let hours: u32 = hours.parse().ok()?;
+    let minutes: u32 = minutes.map_or(Some(0), |minutes| minutes.parse().ok())?;
+    let ahead_s = f64::from(3600 * hours + 60 * minutes);
+    (hours < 24 && minutes < 60).then_some(if zone.starts_with('-') { -ahead_s } else { ahead_s })
+}
+
+/// Date and time of day without a zone.
+fn parse_calendar(word: &str) -> Option<Calendar> {
+    let (date, time) = word.trim().split_once(['T', ' '])?;
+    let mut date = date.split(['-', '/']);
     let mut time = time.split(':');
     let calendar = Calendar {
         year: date.next()?.parse().ok()?,
@@ -182,10 +215,7 @@ fn parse_utc(word: &str) -> Option<GpsTime> {
         minute: time.next()?.parse().ok()?,
         second: time.next()?.parse().ok()?,
     };
-    if date.next().is_some() || time.next().is_some() {
-        return None;
-    }
-    GpsTime::from_utc(calendar)
+    (date.next().is_none() && time.next().is_none()).then_some(calendar)
 }
 
 fn text(field: &[u8]) -> Result<&str, String> {
@@ -234,6 +264,29 @@ mod tests {
         assert_eq!(by_date[0].time, by_week[0].time);
         assert!((by_date[0].position_m - by_week[0].position_m).norm() < 1e-8);
         assert_eq!(by_date[0].sd_ned_m, None);
+    }
+
+    #[test]
+    fn times_have_zones() {
+        let noon = parse_utc("2024-05-01T12:00:00.5Z").unwrap();
+        for same in [
+            "2024-05-01 12:00:00.5",
+            "2024/05/01 12:00:00.500 UTC",
+            "2024-05-01T12:00:00.5+00:00",
+            "2024-05-01T14:30:00.5+02:30",
+            "2024-05-01 09:00:00.5-0300",
+            "2024-05-01T07:00:00.5-05",
+        ] {
+            assert_eq!(parse_utc(same), Some(noon), "{same}");
+        }
+        for wrong in
+            ["", "2024-05-01", "12:00:00", "2024-05-01T12:00:00+x", "2024-05-01T12:00:00+9", "é"]
+        {
+            assert_eq!(parse_utc(wrong), None, "{wrong}");
+        }
+        let (by_gpst, _) =
+            fixes("time_gpst,name,x_m,y_m,z_m\n2024-05-01T12:00:18.5,bow,6378137,0,0\n");
+        assert_eq!(by_gpst.unwrap()[0].time, noon);
     }
 
     #[test]

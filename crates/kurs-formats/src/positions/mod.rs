@@ -17,4 +17,7 @@ pub struct PositionFix {
     pub position_m: Vector<Ecef>,
     /// Standard deviations north, east, down, m, if the receiver states them.
     pub sd_ned_m: Option<[f64; 3]>,
+    /// How many times less certain than the best kind of solution, by the receiver's word for its
+    /// kind: 1 where it has none.
+    pub sd_factor: f64,
 }

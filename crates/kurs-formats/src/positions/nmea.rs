@@ -1,9 +1,11 @@
 //! NMEA 0183 logs of one receiver: GGA for the place, RMC or ZDA for the date, GST for the standard
 //! deviations.
 //!
-//! A sentence counts only with its checksum. GGA gives a time of day; its date comes from an RMC or
-//! ZDA of the same second or, failing that, from the last one, counted on over midnight. What comes
-//! before the first date is dated backwards from it.
+//! A sentence counts only with its checksum; what stands before its `$` on the line is passed over
+//! (time stamps of loggers, binary messages in between). GGA gives a time of day; its date comes from
+//! an RMC or ZDA of the same second or, failing that, from the last one, counted on over midnight.
+//! What comes before the first date is dated backwards from it. Where GST is missing, the quality that
+//! GGA states tells kinds of solutions apart.
 
 use kurs::frames::{Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
@@ -16,7 +18,11 @@ const DAY_S: f64 = 86_400.0;
 /// A step of the time of day by more than this goes over midnight.
 const HALF_DAY_S: f64 = 43_200.0;
 
-/// Reads a log of the antenna with this number.
+/// Year, month, day.
+pub type Date = (i32, u8, u8);
+
+/// Reads a log of the antenna with this number; `date` is that of its first position, for logs
+/// that say none.
 ///
 /// # Errors
 ///
@@ -24,6 +30,7 @@ const HALF_DAY_S: f64 = 43_200.0;
 pub fn read(
     source: &mut Source,
     antenna: usize,
+    date: Option<Date>,
     damage: &mut DamageLog,
     mut take: impl FnMut(PositionFix),
 ) -> Result<(), ReadError> {
@@ -43,20 +50,30 @@ pub fn read(
             Err(what) => damage.note(number, what),
         }
     }
-    log.finish(&mut take);
+    log.release(&mut take);
     if log.last_date.is_none() && !log.undated.is_empty() {
-        damage.note(
-            source.line_number(),
-            "no RMC or ZDA sentence: the date of the positions is not known",
-        );
+        match date {
+            Some(date) => log.date_all(date, &mut take),
+            None => damage.note(
+                source.line_number(),
+                "no RMC or ZDA sentence: the date of the positions is not known (give --date)",
+            ),
+        }
     }
     Ok(())
 }
 
+/// Whether one of these first lines of a file has a sentence, whatever else there is.
+#[must_use]
+pub fn has_sentence(start: &[u8]) -> bool {
+    start.split(|byte| *byte == b'\n').any(|line| sentence(line.trim_ascii()).is_ok())
+}
+
 /// Fields of a sentence whose checksum is right, without `$` and checksum.
 fn sentence(line: &[u8]) -> Result<Vec<&str>, String> {
-    let line = core::str::from_utf8(line).map_err(|_| "not text".to_owned())?;
-    let body = line.strip_prefix(['$', '!']).ok_or("no sentence: it starts without $")?;
+    let start = line.iter().rposition(|byte| matches!(byte, b'$' | b'!'));
+    let body = &line[start.ok_or("no sentence: there is no $")? + 1..];
+    let body = core::str::from_utf8(body).map_err(|_| "not text".to_owned())?;
     let (body, checksum) = body.rsplit_once('*').ok_or("a sentence without checksum")?;
     let stated = u8::from_str_radix(checksum.trim(), 16)
         .map_err(|_| format!("checksum `{checksum}` is no number"))?;
@@ -73,6 +90,7 @@ struct Pending {
     day_s: f64,
     position_m: Vector<kurs::frames::Ecef>,
     sd_ned_m: Option<[f64; 3]>,
+    sd_factor: f64,
 }
 
 /// State between sentences.
@@ -80,8 +98,8 @@ struct Pending {
 struct Log {
     antenna: usize,
     pending: Option<Pending>,
-    /// UTC midnight of the last known date as year, month, day, and the time of day it stood with.
-    last_date: Option<((i32, u8, u8), f64)>,
+    /// The last known date, and the time of day it stood with.
+    last_date: Option<(Date, f64)>,
     undated: Vec<Pending>,
 }
 
@@ -122,7 +140,7 @@ impl Log {
     }
 
     /// A date became known.
-    fn date(&mut self, day_s: f64, date: (i32, u8, u8), take: &mut impl FnMut(PositionFix)) {
+    fn date(&mut self, day_s: f64, date: Date, take: &mut impl FnMut(PositionFix)) {
         if self.last_date.is_none() {
             for earlier in core::mem::take(&mut self.undated) {
                 self.emit(&earlier, day_s, date, take);
@@ -131,47 +149,68 @@ impl Log {
         self.last_date = Some((date, day_s));
     }
 
+    /// No sentence gave a date: the first position was on this one.
+    fn date_all(&mut self, mut date: Date, take: &mut impl FnMut(PositionFix)) {
+        let mut day_s = self.undated.first().map_or(0.0, |first| first.day_s);
+        for pending in core::mem::take(&mut self.undated) {
+            date = self.emit(&pending, day_s, date, take);
+            day_s = pending.day_s;
+        }
+    }
+
     /// The waiting GGA has all it will get.
     fn release(&mut self, take: &mut impl FnMut(PositionFix)) {
         let Some(pending) = self.pending.take() else { return };
         match self.last_date {
-            Some((date, day_s)) => self.emit(&pending, day_s, date, take),
+            Some((date, day_s)) => {
+                let date = self.emit(&pending, day_s, date, take);
+                self.last_date = Some((date, pending.day_s));
+            }
             None => self.undated.push(pending),
         }
     }
 
-    fn finish(&mut self, take: &mut impl FnMut(PositionFix)) {
-        self.release(take);
-    }
-
-    /// Gives the fix, dated by a date that stood with the time of day `day_s`.
+    /// Gives the fix, dated by a date that stood with the time of day `day_s`; returns its own date.
     fn emit(
         &self,
         pending: &Pending,
         day_s: f64,
-        (year, month, day): (i32, u8, u8),
+        date: Date,
         take: &mut impl FnMut(PositionFix),
-    ) {
-        let midnight = Calendar { year, month, day, hour: 0, minute: 0, second: 0.0 };
-        let Some(midnight) = GpsTime::from_utc(midnight) else { return };
+    ) -> Date {
         let step_s = pending.day_s - day_s;
-        let days = if step_s < -HALF_DAY_S {
-            1.0
+        let date = if step_s < -HALF_DAY_S {
+            days_after(date, 1.0)
         } else if step_s > HALF_DAY_S {
-            -1.0
+            days_after(date, -1.0)
         } else {
-            0.0
+            date
         };
-        let Pending { position_m, sd_ned_m, .. } = *pending;
-        let time = midnight + (days * DAY_S + pending.day_s);
-        take(PositionFix { time, antenna: self.antenna, position_m, sd_ned_m });
+        let (year, month, day) = date;
+        let midnight = Calendar { year, month, day, hour: 0, minute: 0, second: 0.0 };
+        if let Some(midnight) = GpsTime::from_utc(midnight) {
+            let Pending { position_m, sd_ned_m, sd_factor, .. } = *pending;
+            let time = midnight + pending.day_s;
+            take(PositionFix { time, antenna: self.antenna, position_m, sd_ned_m, sd_factor });
+        }
+        date
     }
+}
+
+fn days_after(date: Date, days: f64) -> Date {
+    let (year, month, day) = date;
+    let noon = Calendar { year, month, day, hour: 12, minute: 0, second: 0.0 };
+    GpsTime::from_calendar(noon).map_or(date, |noon| {
+        let Calendar { year, month, day, .. } = (noon + days * DAY_S).calendar();
+        (year, month, day)
+    })
 }
 
 /// `GGA,hhmmss.ss,ddmm.mm,N,dddmm.mm,E,quality,satellites,hdop,altitude,M,separation,M,…`; `None`
 /// without a position.
 fn gga(fields: &[&str]) -> Result<Option<Pending>, String> {
-    if matches!(field(fields, 6), "" | "0") || field(fields, 2).is_empty() {
+    let Some(sd_factor) = sd_factor(field(fields, 6)) else { return Ok(None) };
+    if field(fields, 2).is_empty() {
         return Ok(None);
     }
     let day_s = time_of_day(field(fields, 1))?;
@@ -184,7 +223,20 @@ fn gga(fields: &[&str]) -> Result<Option<Pending>, String> {
     };
     let height = number(field(fields, 9))? + separation;
     let position_m = Geodetic::from_degrees(latitude, longitude, height).to_ecef();
-    Ok(Some(Pending { day_s, position_m, sd_ned_m: None }))
+    Ok(Some(Pending { day_s, position_m, sd_ned_m: None, sd_factor }))
+}
+
+/// How much less certain a quality of GGA is than a fixed RTK solution: centimetres, decimetres for a
+/// float one, then code solutions with and without corrections. `None` where nothing was measured:
+/// no fix, dead reckoning, entered by hand.
+fn sd_factor(quality: &str) -> Option<f64> {
+    match quality {
+        "" | "0" | "6" | "7" => None,
+        "4" => Some(1.0),
+        "5" => Some(20.0),
+        "2" => Some(50.0),
+        _ => Some(150.0),
+    }
 }
 
 /// `GST,hhmmss.ss,rms,major,minor,orientation,latitude,longitude,height`; `None` where a field is
@@ -264,9 +316,13 @@ mod tests {
     }
 
     fn read_all(text: Vec<u8>) -> (Vec<PositionFix>, DamageLog) {
+        read_dated(text, None)
+    }
+
+    fn read_dated(text: Vec<u8>, date: Option<Date>) -> (Vec<PositionFix>, DamageLog) {
         let mut source = Source::new(std::io::Cursor::new(text), "log").unwrap();
         let (mut found, mut damage) = (Vec::new(), DamageLog::default());
-        read(&mut source, 2, &mut damage, |fix| found.push(fix)).unwrap();
+        read(&mut source, 2, date, &mut damage, |fix| found.push(fix)).unwrap();
         (found, damage)
     }
 
@@ -321,6 +377,49 @@ mod tests {
     fn a_log_without_a_date_says_so() {
         let (found, damage) = fixes(&["GPGGA,000000,0000.0,N,00000.0,E,1,5,1,0,M,0,M,,"]);
         assert_eq!((found.len(), damage.total()), (0, 1));
+        assert!(damage.listed()[0].what.contains("--date"), "{:?}", damage.listed());
+    }
+
+    /// A date at the start, or given from outside, lasts for days.
+    #[test]
+    fn one_date_is_counted_on() {
+        let gga = |hour: u32| {
+            with_checksum(&format!("GNGGA,{:02}0000,0000.0,N,00000.0,E,4,9,1,0,M,0,M,,", hour % 24))
+        };
+        let log: String = (20..80).map(gga).collect();
+        let zda = with_checksum("GNZDA,200000.00,28,02,2024,00,00");
+        for (found, damage) in [
+            read_all(format!("{zda}{log}").into_bytes()),
+            read_dated(log.clone().into_bytes(), Some((2024, 2, 28))),
+        ] {
+            let last = at(2024, 3, 2, 7, 0, 0.0);
+            assert_eq!((found.len(), found[59].time, damage.total()), (60, last, 0));
+            assert!(found.windows(2).all(|pair| pair[1].time - pair[0].time == 3600.0));
+        }
+    }
+
+    #[test]
+    fn qualities_are_told_apart() {
+        let zda = "GPZDA,000000,01,01,2024,00,00".to_owned();
+        let gga =
+            |quality: &str| format!("GPGGA,000000,0000.0,N,00000.0,E,{quality},5,1,0,M,0,M,,");
+        let log: Vec<String> =
+            std::iter::once(zda).chain(["4", "5", "2", "1", "0", "6", ""].map(gga)).collect();
+        let (found, _) = fixes(&log.iter().map(String::as_str).collect::<Vec<_>>());
+        let factors: Vec<f64> = found.iter().map(|fix| fix.sd_factor).collect();
+        assert_eq!(factors, [1.0, 20.0, 50.0, 150.0]);
+    }
+
+    #[test]
+    fn stamps_and_binary_before_a_sentence_are_passed_over() {
+        let zda = with_checksum("GPZDA,000000,01,01,2024,00,00");
+        let gga = with_checksum("GPGGA,000000,0000.0,N,00000.0,E,1,5,1,0,M,0,M,,");
+        let log =
+            [b"\xb5\x62\x01\x07\xff".as_slice(), zda.as_bytes(), b"12:00:01 ", gga.as_bytes()];
+        let log = log.concat();
+        assert!(has_sentence(&log) && !has_sentence(b"name,x_m,y_m,z_m\n1,2,3,4\n"));
+        let (found, damage) = read_all(log);
+        assert_eq!((found.len(), damage.total()), (1, 0));
     }
 
     proptest! {

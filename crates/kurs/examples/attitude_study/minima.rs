@@ -17,14 +17,16 @@ const SAME_ATTITUDE_RAD: f64 = 1e-6;
 /// What one noise level showed.
 #[derive(Debug, Default)]
 pub(crate) struct Study {
-    /// Numbers of the problems where Newton's method from Wahba's solution alone found another
-    /// minimum than the global one.
+    /// Numbers of the problems where Newton's method from Wahba's solution and nowhere else found
+    /// another minimum than the global one.
+    pub(crate) single_misses: Vec<usize>,
+    /// The same where an unproven minimum is compared with that of its mirror image.
     pub(crate) newton_misses: Vec<usize>,
-    /// The same with the check for a second minimum.
+    /// The same with the search for a second minimum.
     pub(crate) checked_misses: Vec<usize>,
     /// Problems whose minimum the certificate proves.
     pub(crate) certified: usize,
-    /// Newton steps from Wahba's solution, all problems together.
+    /// Newton steps, those from the mirror image included, all problems together.
     pub(crate) iterations: usize,
     /// The most steps of one problem.
     pub(crate) most_iterations: usize,
@@ -44,7 +46,8 @@ pub(crate) fn study(antennas: Antennas, problems: usize, noise: f64) -> Study {
             BaselineWeight::Independent
         };
         let problem = scene.problem(weight).expect("a random scene is a problem");
-        let newton = problem.minimum().expect("random antennas are not on a line");
+        let single = problem.minimum_from_wahba().expect("random antennas are not on a line");
+        let newton = problem.minimum().expect("solved before");
         study.iterations += newton.iterations;
         study.most_iterations = study.most_iterations.max(newton.iterations);
 
@@ -54,6 +57,9 @@ pub(crate) fn study(antennas: Antennas, problems: usize, noise: f64) -> Study {
                 && (angle_between(&minimum.rotation, &best.rotation) < SAME_ATTITUDE_RAD
                     || minimum.cost < best.cost)
         };
+        if !is_best(&single) {
+            study.single_misses.push(number);
+        }
         if !is_best(&newton) {
             study.newton_misses.push(number);
         }
@@ -78,15 +84,19 @@ fn referee(problem: &AttitudeProblem, random: &mut Xoshiro256PlusPlus) -> Minimu
 
 /// Prints the table for the three noise levels.
 pub(crate) fn print_study(problems: usize) {
-    println!("| antennas | noise | Newton | with the check | certified | steps (most) | misses |");
-    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| antennas | noise | from Wahba alone | and its mirror image | with the search | certified | \
+         steps (most) | misses of the second |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
     for antennas in [Antennas::Roof, Antennas::Cube, Antennas::FlatBox] {
         for noise in [0.4, 1.0, 4.0] {
             let study = study(antennas, problems, noise);
             let percent = |count: usize| 100.0 * count as f64 / problems as f64;
             println!(
-                "| {} | ×{noise} | {:.2} % | {:.2} % | {:.1} % | {:.2} ({}) | {:?} |",
+                "| {} | ×{noise} | {:.2} % | {:.2} % | {:.2} % | {:.1} % | {:.2} ({}) | {:?} |",
                 antennas.name(),
+                percent(problems - study.single_misses.len()),
                 percent(problems - study.newton_misses.len()),
                 percent(problems - study.checked_misses.len()),
                 percent(study.certified),

@@ -4,9 +4,13 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector3};
 
 use crate::frames::{Attitude, Body, Ned, Rotation, Vector, wrap_heading};
+use crate::solution::AttitudeEstimate;
 
-/// An axis whose share in the x–z plane of the body is below this says more of roll than of pitch.
-const LATERAL: f64 = core::f64::consts::FRAC_1_SQRT_2;
+/// An axis with less than this share of its length in the x–z plane of the body lies across it and
+/// says nothing of the pitch.
+const LATERAL: f64 = 0.1;
+/// A direction this close to the vertical has no heading: cosine of its angle with the horizon.
+const VERTICAL: f64 = 1e-6;
 
 /// `∂(heading, pitch, roll) / ∂θ` for a small rotation `θ` in body axes.
 ///
@@ -59,23 +63,26 @@ pub struct HeadingPitch {
 /// From `u = Rz(heading) Ry(pitch) e`: `pitch = α − asin(u_d / ρ)` with `e = (ρ cos α, e_y, ρ sin α)`
 /// (or the other branch of the arcsine, whichever is nearer to level), then
 /// `heading = atan2(u_e, u_n) − atan2(e_y, cos p e_x + sin p e_z)`. For the forward axis this is the
-/// heading and the pitch of the direction itself.
+/// heading and the pitch of the direction itself. `None` for a vertical direction.
 #[must_use]
 pub fn heading_pitch(
     axis: &Vector<Body>,
     direction: &Vector<Ned>,
     covariance_rad2: &Matrix3<f64>,
-) -> HeadingPitch {
+) -> Option<HeadingPitch> {
     let (e, u) = (axis.xyz(), direction.xyz());
     let share = e.x.hypot(e.z);
     let horizontal2 = u.x * u.x + u.y * u.y;
+    if horizontal2.is_nan() || horizontal2 <= VERTICAL * VERTICAL {
+        return None;
+    }
     // ∂atan2(u_e, u_n)/∂u
     let azimuth_gradient = Vector3::new(-u.y, u.x, 0.0) / horizontal2;
     if share < LATERAL {
         let heading_rad = wrap_heading(u.y.atan2(u.x) - e.y.atan2(e.x));
         let variance = azimuth_gradient.dot(&(covariance_rad2 * azimuth_gradient));
         let covariance_rad2 = Matrix2::new(variance, 0.0, 0.0, 0.0);
-        return HeadingPitch { heading_rad, pitch_rad: None, covariance_rad2 };
+        return Some(HeadingPitch { heading_rad, pitch_rad: None, covariance_rad2 });
     }
     let alpha = e.z.atan2(e.x);
     let rise = (u.z / share).clamp(-1.0, 1.0);
@@ -94,10 +101,45 @@ pub fn heading_pitch(
     let heading_gradient = azimuth_gradient + by_pitch * pitch_gradient;
     let jacobian =
         Matrix2x3::from_rows(&[heading_gradient.transpose(), pitch_gradient.transpose()]);
-    HeadingPitch {
+    Some(HeadingPitch {
         heading_rad,
         pitch_rad: Some(pitch),
         covariance_rad2: jacobian * covariance_rad2 * jacobian.transpose(),
+    })
+}
+
+impl AttitudeEstimate {
+    /// All three angles of a known attitude; the covariance is that of the rotation vector in body
+    /// axes, rad².
+    #[must_use]
+    pub fn full(ned_from_body: Rotation<Ned, Body>, covariance_body_rad2: &Matrix3<f64>) -> Self {
+        let angles = Attitude::from_ned_from_body(&ned_from_body);
+        Self {
+            heading_rad: Some(angles.heading_rad),
+            pitch_rad: Some(angles.pitch_rad),
+            roll_rad: Some(angles.roll_rad),
+            covariance_rad2: angle_covariance(&angles, covariance_body_rad2),
+            ned_from_body: Some(ned_from_body),
+        }
+    }
+
+    /// Heading and pitch of a body that does not roll, from one of its axes as [`heading_pitch`].
+    #[must_use]
+    pub fn of_axis(
+        axis: &Vector<Body>,
+        direction: &Vector<Ned>,
+        covariance_rad2: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let angles = heading_pitch(axis, direction, covariance_rad2)?;
+        let mut covariance_rad2 = Matrix3::zeros();
+        covariance_rad2.fixed_view_mut::<2, 2>(0, 0).copy_from(&angles.covariance_rad2);
+        Some(Self {
+            heading_rad: Some(angles.heading_rad),
+            pitch_rad: angles.pitch_rad,
+            roll_rad: None,
+            covariance_rad2,
+            ned_from_body: None,
+        })
     }
 }
 
@@ -172,7 +214,7 @@ mod tests {
             prop_assume!(sign * forward > 0.1);
             let attitude = Attitude { heading_rad, pitch_rad, roll_rad: 0.0 };
             let direction = attitude.ned_from_body() * axis;
-            let found = heading_pitch(&axis, &direction, &Matrix3::identity());
+            let found = heading_pitch(&axis, &direction, &Matrix3::identity()).unwrap();
             prop_assert!(wrap_half(found.heading_rad - heading_rad).abs() < 1e-9);
             prop_assert!((found.pitch_rad.unwrap() - pitch_rad).abs() < 1e-9);
             // Covariance: central differences over turns of the direction.
@@ -182,7 +224,7 @@ mod tests {
                     let mut turn = Vector3::zeros();
                     turn[across] = step;
                     let turned = Vector::from_xyz(direction.xyz() + skew(&turn) * direction.xyz());
-                    let angles = heading_pitch(&axis, &turned, &Matrix3::zeros());
+                    let angles = heading_pitch(&axis, &turned, &Matrix3::zeros()).unwrap();
                     nalgebra::Vector2::new(
                         wrap_half(angles.heading_rad - heading_rad),
                         angles.pitch_rad.unwrap() - pitch_rad,
@@ -193,7 +235,7 @@ mod tests {
             }
             // Turns with unit variance about all axes: P = [u]× [u]×ᵀ.
             let across = skew(&direction.xyz());
-            let found = heading_pitch(&axis, &direction, &(across * across.transpose()));
+            let found = heading_pitch(&axis, &direction, &(across * across.transpose())).unwrap();
             prop_assert!((found.covariance_rad2 - expected).norm() < 1e-6 * expected.norm());
         }
 
@@ -216,10 +258,12 @@ mod tests {
     fn antennas_abreast_give_no_pitch() {
         let east = Vector::<Ned>::new(0.0, 1.0, 0.0);
         let right = Vector::<Body>::new(0.0, 1.0, 0.0);
-        let found = heading_pitch(&right, &east, &(4e-6 * Matrix3::identity()));
+        let found = heading_pitch(&right, &east, &(4e-6 * Matrix3::identity())).unwrap();
         assert_eq!(found.pitch_rad, None);
         assert!(found.heading_rad.abs() < 1e-15, "{found:?}");
         assert!((found.covariance_rad2[(0, 0)] - 4e-6).abs() < 1e-18);
+        let up = Vector::<Ned>::new(0.0, 0.0, -1.0);
+        assert_eq!(heading_pitch(&right, &up, &Matrix3::identity()), None);
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod coordinates;
 pub mod direction;
 pub mod joint;
 pub mod reduction;
+mod small;
 pub mod three_point;
 pub mod triad;
 pub mod undifferenced;

@@ -11,9 +11,10 @@
 //!
 //! so `tr(S) I − S − T ⪰ μ I` proves that every attitude `φ` away costs at least `μ (1 − cos φ)`
 //! more. `S = λ R` with the spread `R` of the antennas and the smallest `λ` that does.
-//! Where the certificate fails, Newton's method is started all around.
+//! Where the certificate fails, Newton's method is started again: from the mirror image of the
+//! minimum, which is where the next one nearly always is, or all around.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::AttitudeError;
 use super::weighted::{AttitudeProblem, Minimum};
@@ -60,14 +61,34 @@ impl Uniqueness {
 }
 
 impl AttitudeProblem {
+    /// The minimum that Newton's method reaches from Wahba's solution or, where that one is not
+    /// proven to be the lowest, from its mirror image; whichever is lower. Misses the global minimum
+    /// less than once in a thousand random problems (`docs/theory/attitude.md`);
+    /// [`AttitudeProblem::global_minimum`] looks all around.
+    ///
+    /// # Errors
+    ///
+    /// As [`AttitudeProblem::minimum_from_wahba`].
+    pub fn minimum(&self) -> Result<Minimum, AttitudeError> {
+        let found = self.minimum_from_wahba()?;
+        if self.is_certified(&found, LEAST_MARGIN * found.information.trace()) {
+            return Ok(found);
+        }
+        let Ok(other) = self.minimum_from(self.mirror_image(&found.rotation)) else {
+            return Ok(found);
+        };
+        let lower = if other.cost < found.cost { other } else { found };
+        Ok(Minimum { iterations: found.iterations + other.iterations, ..lower })
+    }
+
     /// The attitude of the lowest cost: Newton's method from Wahba's solution, then the certificate
     /// with the wanted `margin`, and where it fails the search.
     ///
     /// # Errors
     ///
-    /// As [`AttitudeProblem::minimum`].
+    /// As [`AttitudeProblem::minimum_from_wahba`].
     pub fn global_minimum(&self, margin: f64) -> Result<GlobalMinimum, AttitudeError> {
-        let minimum = self.minimum()?;
+        let minimum = self.minimum_from_wahba()?;
         let margin = margin.max(LEAST_MARGIN * minimum.information.trace());
         if self.is_certified(&minimum, margin) {
             return Ok(GlobalMinimum { minimum, uniqueness: Uniqueness::Certified { margin } });
@@ -117,21 +138,25 @@ impl AttitudeProblem {
         GlobalMinimum { minimum: lowest, uniqueness }
     }
 
-    /// The 23 turns of a cube with its axes along those of the array, and the mirror image that
-    /// flat arrays leave open under satellites on a cone (Necker's reversal).
+    /// The mirror image, and the 23 turns of a cube with its axes along those of the array.
     fn starts_around(&self, rotation: &Matrix3<f64>) -> impl Iterator<Item = Matrix3<f64>> {
         let rotation = *rotation;
-        let body = self.spread().symmetric_eigen();
-        let outside = self.normal().symmetric_eigen();
-        // (I − 2 m mᵀ) Q (I − 2 n nᵀ): through the planes of the satellites and of the antennas
-        let mirror = |axis: Vector3<f64>| Matrix3::identity() - 2.0 * axis * axis.transpose();
-        let m = outside.eigenvectors.column(outside.eigenvalues.imin()).into_owned();
-        let n = body.eigenvectors.column(body.eigenvalues.imin()).into_owned();
-        let reversed = mirror(m) * rotation * mirror(n);
-        let axes = body.eigenvectors;
+        let axes = self.spread().symmetric_eigen().eigenvectors;
         let around =
             cube_turns().skip(1).map(move |turn| rotation * axes * turn * axes.transpose());
-        std::iter::once(reversed).chain(around)
+        std::iter::once(self.mirror_image(&rotation)).chain(around)
+    }
+
+    /// What flat arrays leave open under satellites on a cone (Necker's reversal), and nearly do
+    /// otherwise: the attitude mirrored in the planes of the satellites and of the antennas,
+    /// `(I − 2 m mᵀ) Q (I − 2 n nᵀ)`.
+    fn mirror_image(&self, rotation: &Matrix3<f64>) -> Matrix3<f64> {
+        let mirror = |moments: Matrix3<f64>| {
+            let eigen = moments.symmetric_eigen();
+            let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+            Matrix3::identity() - 2.0 * normal * normal.transpose()
+        };
+        mirror(self.normal()) * rotation * mirror(self.spread())
     }
 }
 

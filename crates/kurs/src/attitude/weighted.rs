@@ -13,6 +13,7 @@
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 use super::AttitudeError;
+use super::small::{Factored, product, transposed_product};
 use super::wahba::nearest_rotation;
 use crate::frames::skew;
 
@@ -23,6 +24,8 @@ pub type Matrix9 = SMatrix<f64, 9, 9>;
 const MAX_ITERATIONS: usize = 60;
 /// A full Newton step below this is the last: what is left is its square.
 const LAST_STEP_RAD: f64 = 1e-9;
+/// What may be left after the last step, foreseen from the last two.
+const ROUNDING_RAD: f64 = 1e-14;
 /// No step turns further.
 const MAX_STEP_RAD: f64 = 1.0;
 /// Share of the largest eigenvalue below which the smallest counts as zero.
@@ -71,9 +74,7 @@ impl Minimum {
     ///
     /// [`AttitudeError::Unobservable`] if the information is singular.
     pub fn covariance(&self) -> Result<Matrix3<f64>, AttitudeError> {
-        let cholesky = self.information.cholesky().ok_or(AttitudeError::Unobservable)?;
-        let inverse = cholesky.inverse();
-        Ok(0.5 * (inverse + inverse.transpose()))
+        Ok(Factored::new(&self.information).ok_or(AttitudeError::Unobservable)?.inverse())
     }
 }
 
@@ -115,7 +116,7 @@ impl AttitudeProblem {
         // A line has one principal moment, a plane two: λ₁λ₂ + λ₁λ₃ + λ₂λ₃ tells them apart.
         for moments in [self.spread(), self.normal()] {
             let scaled = moments / moments.trace();
-            let pairs = 0.5 * (1.0 - (scaled * scaled).trace());
+            let pairs = 0.5 * (1.0 - scaled.norm_squared());
             if pairs.is_nan() || pairs < SINGULAR_RATIO {
                 return Err(AttitudeError::Unobservable);
             }
@@ -220,14 +221,14 @@ impl AttitudeProblem {
         Ok(nearest_rotation(&target)?.rotation)
     }
 
-    /// The minimum that Newton's method reaches from Wahba's solution. It is the global one in
-    /// nearly every case; [`super::uniqueness`] proves or searches.
+    /// The minimum that Newton's method reaches from Wahba's solution: nearly always the global one;
+    /// [`super::uniqueness`] proves it or looks further.
     ///
     /// # Errors
     ///
     /// [`AttitudeError::Unobservable`] for collinear antennas and for satellites that leave a turn
     /// undetermined; input errors as in [`AttitudeError`].
-    pub fn minimum(&self) -> Result<Minimum, AttitudeError> {
+    pub fn minimum_from_wahba(&self) -> Result<Minimum, AttitudeError> {
         self.check()?;
         self.minimum_from(self.wahba_start()?)
     }
@@ -243,14 +244,21 @@ impl AttitudeProblem {
     /// [`AttitudeError::NoConvergence`].
     pub fn minimum_from(&self, start: Matrix3<f64>) -> Result<Minimum, AttitudeError> {
         let (mut rotation, mut here) = (start, self.expand(&start));
+        let mut before_rad = f64::INFINITY;
         for iterations in 1..=MAX_ITERATIONS {
             let (step, is_newton) = damped_step(&here)?;
             (rotation, here) = self.descend(&rotation, &here, &step);
-            if is_newton && step.norm() < LAST_STEP_RAD {
+            let step_rad = step.norm();
+            // |θₖ₊₁| ≈ c |θₖ|² with c = |θₖ| / |θₖ₋₁|²
+            let left_rad = step_rad * (step_rad / before_rad).powi(2);
+            let is_last =
+                step_rad < LAST_STEP_RAD || (before_rad.is_finite() && left_rad < ROUNDING_RAD);
+            if is_newton && is_last {
                 check_definite(&here.information)?;
                 let Expansion { cost, information, .. } = here;
                 return Ok(Minimum { rotation, cost, information, iterations });
             }
+            before_rad = if is_newton { step_rad } else { f64::INFINITY };
         }
         Err(AttitudeError::NoConvergence { iterations: MAX_ITERATIONS })
     }
@@ -279,7 +287,7 @@ impl AttitudeProblem {
         let norm = step.norm();
         let mut scale = if norm > MAX_STEP_RAD { MAX_STEP_RAD / norm } else { 1.0 };
         loop {
-            let next = rotation * exponential(&(scale * step));
+            let next = product(rotation, &exponential(&(scale * step)));
             let there = self.expand(&next);
             let rounding = 1e-13 * (here.cost.abs() + there.cost.abs());
             if there.cost <= here.cost + rounding || scale * norm < 1e-6 || there.cost.is_nan() {
@@ -293,10 +301,10 @@ impl AttitudeProblem {
     pub(super) fn expand(&self, rotation: &Matrix3<f64>) -> Expansion {
         let (slope, linear, information) = match self {
             Self::Separable { normal, spread, cross } => {
-                let normal_q = normal * rotation;
+                let normal_q = product(normal, rotation);
                 // I = mix(QᵀNQ, R)
-                let information = mix(&(rotation.transpose() * normal_q), spread);
-                (normal_q * spread - cross, cross, information)
+                let information = mix(&transposed_product(rotation, &normal_q), spread);
+                (product(&normal_q, spread) - cross, cross, information)
             }
             Self::General { information, linear } => {
                 let q = vec_of(rotation);
@@ -307,7 +315,7 @@ impl AttitudeProblem {
             }
         };
         // A = −Qᵀ ∂F/∂Q;  ∇ = −vex(A − Aᵀ);  K = I + tr(Aₛ) 1 − Aₛ
-        let a = -(rotation.transpose() * slope);
+        let a = -transposed_product(rotation, &slope);
         let symmetric = 0.5 * (a + a.transpose());
         let information = 0.5 * (information + information.transpose());
         Expansion {
@@ -321,8 +329,8 @@ impl AttitudeProblem {
 
 /// Newton's step `K θ = −∇`, or, where `K` is not positive definite, a step of descent. Says which.
 fn damped_step(here: &Expansion) -> Result<(Vector3<f64>, bool), AttitudeError> {
-    if let Some(cholesky) = here.hessian.cholesky() {
-        return Ok((cholesky.solve(&-here.gradient), true));
+    if let Some(factored) = Factored::new(&here.hessian) {
+        return Ok((factored.solve(&-here.gradient), true));
     }
     if here.hessian.iter().any(|c| !c.is_finite()) {
         return Err(AttitudeError::NotFinite { what: "problem" });
@@ -350,7 +358,7 @@ fn damped_step(here: &Expansion) -> Result<(Vector3<f64>, bool), AttitudeError> 
     Ok((step, false))
 }
 
-/// Rotation matrix of a rotation vector: `exp[θ]× = I + sin θ/θ [θ]× + (1 − cos θ)/θ² [θ]×²`.
+/// Rotation matrix of a rotation vector: `exp[θ]× = cos θ I + sin θ/θ [θ]× + (1 − cos θ)/θ² θθᵀ`.
 #[must_use]
 pub fn exponential(theta: &Vector3<f64>) -> Matrix3<f64> {
     let angle2 = theta.norm_squared();
@@ -362,8 +370,8 @@ pub fn exponential(theta: &Vector3<f64>) -> Matrix3<f64> {
         let (half_sin, half_cos) = (0.5 * angle).sin_cos();
         (2.0 * half_sin * half_cos / angle, 2.0 * half_sin * half_sin / angle2)
     };
-    let cross = skew(theta);
-    Matrix3::identity() + s * cross + c * (cross * cross)
+    let outer = Matrix3::from_fn(|i, j| c * theta[i] * theta[j]);
+    Matrix3::from_diagonal_element(1.0 - c * angle2) + s * skew(theta) + outer
 }
 
 /// Rotation vector of a rotation matrix, `‖θ‖ ≤ π`: the inverse of [`exponential`].
@@ -411,12 +419,11 @@ pub(super) fn tangent_of(rotation: &Matrix3<f64>) -> SMatrix<f64, 9, 3> {
 
 /// `N⁻¹ B`; a singular `N` is inverted on its range.
 fn solve_on_range3(normal: &Matrix3<f64>, right: &Matrix3<f64>) -> Matrix3<f64> {
-    // A Cholesky pivot far below the diagonal shows a singular matrix as well as an eigenvalue.
-    if let Some(cholesky) = normal.cholesky() {
-        let pivots = cholesky.l_dirty().diagonal();
-        if pivots.min() > 1e-5 * pivots.max() {
-            return cholesky.solve(right);
-        }
+    // A pivot far below the largest shows a singular matrix as well as an eigenvalue.
+    if let Some(factored) = Factored::new(normal)
+        && factored.pivots.min() > 1e-10 * factored.pivots.max()
+    {
+        return factored.solve_columns(right);
     }
     let eigen = normal.symmetric_eigen();
     let floor = SINGULAR_RATIO * eigen.eigenvalues.amax();
@@ -481,7 +488,7 @@ pub(super) fn is_positive_definite<const D: usize>(mut matrix: SMatrix<f64, D, D
 /// Every turn is determined: the information matrix is definite by a margin above rounding.
 fn check_definite(information: &Matrix3<f64>) -> Result<(), AttitudeError> {
     let lowered = information - SINGULAR_RATIO * information.trace() * Matrix3::identity();
-    if is_positive_definite(lowered) { Ok(()) } else { Err(AttitudeError::Unobservable) }
+    Factored::new(&lowered).map(|_| ()).ok_or(AttitudeError::Unobservable)
 }
 
 #[cfg(test)]

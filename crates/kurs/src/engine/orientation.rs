@@ -1,17 +1,14 @@
 //! From baselines to the angles of the body.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::array::{AntennaArray, Shape};
-use crate::attitude::angles::angle_covariance;
 use crate::attitude::joint;
 use crate::baseline::Baselines;
-use crate::frames::{Attitude, Body, Ned, Rotation, Vector, wrap_heading};
+use crate::frames::{Body, Ned, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
 
-/// A vector this close to the vertical has no heading: cos of its angle with the horizon.
-const VERTICAL: f64 = 1e-6;
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
@@ -71,14 +68,7 @@ fn full(
         return Err(Reason::TwoMinima);
     }
     let ned_from_body: Rotation<Ned, Body> = horizon.ned_from_ecef() * solved.outside_from_body;
-    let attitude = Attitude::from_ned_from_body(&ned_from_body);
-    Ok(AttitudeEstimate {
-        heading_rad: Some(attitude.heading_rad),
-        pitch_rad: Some(attitude.pitch_rad),
-        roll_rad: Some(attitude.roll_rad),
-        covariance_rad2: angle_covariance(&attitude, &solved.covariance_body_rad2),
-        ned_from_body: Some(ned_from_body),
-    })
+    Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2))
 }
 
 /// `rᵀ Q⁻¹ r` of the residuals of all baselines.
@@ -98,66 +88,25 @@ fn softened(covariance_m2: &DMatrix<f64>, array_sd_m: f64) -> DMatrix<f64> {
     })
 }
 
-/// Heading and pitch of a body whose line of antennas points along `line_body`, taking its roll as
-/// zero: `u = Rz(h) Ry(p) e`.
-///
-/// The down component gives the pitch, `e_z cos p − e_x sin p = u_z`, the horizontal ones the
-/// heading. A line across the body says nothing of the pitch, a vertical one nothing of the
-/// heading. For a line along the body these are heading and pitch of the vector itself.
+/// Heading and pitch of a body, its roll taken as zero, whose antennas on the line `line_body` have
+/// the baseline `line` with this covariance; `None` for a vertical one.
 fn direction(
     line: Vector<Ned>,
     covariance_m2: &Matrix3<f64>,
     line_body: Vector<Body>,
 ) -> Option<AttitudeEstimate> {
-    let v = line.xyz();
-    let (n, e, d) = (v.x, v.y, v.z);
-    let (horizontal, length) = (n.hypot(e), v.norm());
-    if horizontal <= VERTICAL * length {
-        return None;
-    }
-    // Azimuth and elevation of the line, with their derivatives by its components.
-    let elevation = (-d).atan2(horizontal);
-    let azimuth_row = Vector3::new(-e, n, 0.0) / (horizontal * horizontal);
-    let elevation_row =
-        Vector3::new(n * d / horizontal, e * d / horizontal, -horizontal) / (length * length);
-
-    let body = line_body.direction().xyz();
-    let lever = body.x.hypot(body.z);
-    // e_x sin p − e_z cos p = sin(elevation), with e_x = r cos β, −e_z = r sin β: r sin(p + β)
-    let beta = (-body.z).atan2(body.x);
-    let sine = elevation.sin() / lever;
-    let pitch = (lever > ACROSS).then(|| sine.clamp(-1.0, 1.0).asin() - beta);
-    let azimuth_body = |p: f64| body.y.atan2(body.x * p.cos() + body.z * p.sin());
-    let heading = e.atan2(n) - azimuth_body(pitch.unwrap_or(0.0));
-
-    // dp = cos(elevation) / (r cos(p + β)) d(elevation)
-    let pitch_gain = elevation.cos() / (lever * (1.0 - sine * sine).max(1e-6).sqrt());
-    let step = 1e-6;
-    let turn =
-        pitch.map_or(0.0, |p| (azimuth_body(p + step) - azimuth_body(p - step)) / (2.0 * step));
-    let pitch_row = elevation_row * if pitch.is_some() { pitch_gain } else { 0.0 };
-    let heading_row = azimuth_row - pitch_row * turn;
-    let jacobian = Matrix3::from_rows(&[
-        heading_row.transpose(),
-        pitch_row.transpose(),
-        Vector3::zeros().transpose(),
-    ]);
-    Some(AttitudeEstimate {
-        heading_rad: Some(wrap_heading(heading)),
-        pitch_rad: pitch,
-        roll_rad: None,
-        covariance_rad2: jacobian * covariance_m2 * jacobian.transpose(),
-        ned_from_body: None,
-    })
+    let (unit, length) = (line.direction().xyz(), line.norm());
+    // ∂u = (I − u uᵀ) ∂line / ‖line‖
+    let across = (Matrix3::identity() - unit * unit.transpose()) / length;
+    let covariance_rad2 = across * covariance_m2 * across;
+    AttitudeEstimate::of_axis(&line_body.direction(), &Vector::from_xyz(unit), &covariance_rad2)
 }
-
-/// A line of antennas with less than this share of its length in the body's vertical plane lies
-/// across the body.
-const ACROSS: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frames::Attitude;
+    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     proptest! {

@@ -11,11 +11,10 @@ pub mod geometry;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::array::AntennaArray;
-use crate::attitude::angles::{angle_covariance, heading_pitch};
 use crate::attitude::coordinates::MeasuredPoint;
 use crate::attitude::weighted::logarithm;
-use crate::attitude::{AttitudeError, Direction, three_point};
-use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
+use crate::attitude::{AttitudeError, three_point};
+use crate::frames::{Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
 use crate::solution::{
     AttitudeEstimate, BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate, Reason,
     Status,
@@ -177,9 +176,16 @@ impl Orienter {
             );
 
         let attitude = match (&fit.kind, self.settings.method) {
-            (FitKind::Line { axis, direction }, _) => line_attitude(axis, direction),
+            (FitKind::Line { axis, direction }, _) => {
+                let (axis, unit) = (Vector::from_xyz(*axis), Vector::from_xyz(direction.unit));
+                match AttitudeEstimate::of_axis(&axis, &unit, &direction.covariance_rad2) {
+                    Some(attitude) => attitude,
+                    None => return refuse(row, Reason::Geometry),
+                }
+            }
             (FitKind::Body { minimum, .. }, Method::Weighted) => {
-                full_attitude(minimum.rotation, &minimum.covariance().unwrap_or_default())
+                let covariance = minimum.covariance().unwrap_or_default();
+                AttitudeEstimate::full(Rotation::from_matrix(minimum.rotation), &covariance)
             }
             (FitKind::Body { .. }, Method::ThreePoint) => {
                 match three_point_attitude(
@@ -241,36 +247,12 @@ fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEs
 
 /// The first antenna, while the attitude is unknown.
 fn first_position(local: &LocalEpoch) -> PositionEstimate {
-    position(local.anchor_m, local.points[0].covariance_m2)
-}
-
-fn full_attitude(rotation: Matrix3<f64>, covariance_body_rad2: &Matrix3<f64>) -> AttitudeEstimate {
-    let ned_from_body = Rotation::from_matrix(rotation);
-    let angles = Attitude::from_ned_from_body(&ned_from_body);
-    AttitudeEstimate {
-        heading_rad: Some(angles.heading_rad),
-        pitch_rad: Some(angles.pitch_rad),
-        roll_rad: Some(angles.roll_rad),
-        covariance_rad2: angle_covariance(&angles, covariance_body_rad2),
-        ned_from_body: Some(ned_from_body),
-    }
-}
-
-/// Heading and pitch from antennas on a line.
-fn line_attitude(axis: &Vector3<f64>, direction: &Direction) -> AttitudeEstimate {
-    let angles = heading_pitch(
-        &Vector::from_xyz(*axis),
-        &Vector::from_xyz(direction.unit),
-        &direction.covariance_rad2,
-    );
-    let mut covariance_rad2 = Matrix3::zeros();
-    covariance_rad2.fixed_view_mut::<2, 2>(0, 0).copy_from(&angles.covariance_rad2);
-    AttitudeEstimate {
-        heading_rad: Some(angles.heading_rad),
-        pitch_rad: angles.pitch_rad,
-        roll_rad: None,
-        covariance_rad2,
-        ned_from_body: None,
+    PositionEstimate {
+        geodetic: local.anchor,
+        position_m: local.anchor_m,
+        covariance_m2: local.points[0].covariance_m2,
+        velocity_mps: None,
+        clock_m: None,
     }
 }
 
@@ -297,7 +279,7 @@ fn three_point_attitude(
             covariance += column * column.transpose() * point.covariance_m2[(axis, axis)];
         }
     }
-    Ok(full_attitude(rotation, &covariance))
+    Ok(AttitudeEstimate::full(Rotation::from_matrix(rotation), &covariance))
 }
 
 fn first_three(positions: &[Vector<Body>]) -> Result<[Vector3<f64>; 3], AttitudeError> {
