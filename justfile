@@ -26,5 +26,10 @@ compare runs="5":
 bench:
     cargo bench --workspace
 
+# the figures of the documentation about attitude and baselines
+figures:
+    bench/attitude.sh > docs/experiments/attitude.md
+    cargo run --release -p kurs --example selection_experiments > docs/experiments/selection.md
+
 deny:
     cargo deny check

@@ -1,15 +1,20 @@
 //! The array file of `kurs plan`: antennas, and what is planned for.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::anyhow;
 use kurs::array::AntennaArray;
 use kurs::frames::{Geodetic, Vector};
 use kurs::selection::{Baselines, Criterion, Graph};
 use kurs::signal::Band;
+use kurs::sky::NoiseModel;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
+use crate::config_file;
 use crate::failure::UsageError;
 
-/// The file.
+/// The file: an array of its own, or the configuration of `kurs solve`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ArrayFile {
@@ -20,6 +25,31 @@ pub(super) struct ArrayFile {
     pub(super) mask: Vec<BodyMask>,
     #[serde(default)]
     baseline: Vec<BaselineEntry>,
+    #[serde(default)]
+    solve: SolveKeys,
+    #[serde(default)]
+    nav: NavKeys,
+    #[serde(default, rename = "point")]
+    _point: IgnoredAny,
+    #[serde(default, rename = "station")]
+    _station: IgnoredAny,
+}
+
+/// What `[solve]` says about the same things as `[plan]`; its other keys are not the plan's.
+#[derive(Debug, Default, Deserialize)]
+struct SolveKeys {
+    bands: Option<Vec<String>>,
+    elevation_mask_deg: Option<f64>,
+    array_sd_m: Option<f64>,
+    code_sd_m: Option<f64>,
+    phase_sd_m: Option<f64>,
+}
+
+/// `[nav]` of `kurs solve`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NavKeys {
+    files: Vec<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -27,6 +57,8 @@ pub(super) struct ArrayFile {
 struct AntennaEntry {
     name: String,
     position_m: [f64; 3],
+    #[serde(default, rename = "obs")]
+    _obs: IgnoredAny,
 }
 
 /// A baseline that is better or worse than the others.
@@ -123,6 +155,15 @@ impl Settings {
         }
     }
 
+    /// As `kurs solve` weights observations of which no C/N0 is known.
+    pub(super) fn noise(&self) -> NoiseModel {
+        NoiseModel {
+            code_zenith_m: self.code_sd_m,
+            phase_zenith_m: self.phase_sd_m,
+            full_cn0_dbhz: 45.0,
+        }
+    }
+
     pub(super) fn place(&self) -> Geodetic {
         Geodetic::from_degrees(self.latitude_deg, self.longitude_deg, self.height_m)
     }
@@ -161,6 +202,35 @@ impl Settings {
 }
 
 impl ArrayFile {
+    /// Reads the file; keys of `[solve]` hold where `[plan]` does not say otherwise.
+    pub(super) fn read(path: &Path) -> Result<Self, UsageError> {
+        let mut file: Self = config_file::read(path)?;
+        let table: toml::Table = config_file::read(path)?;
+        let is_given = |key: &str| table.get("plan").is_some_and(|plan| plan.get(key).is_some());
+        let Self { plan, solve, .. } = &mut file;
+        for (key, value, inherited) in [
+            ("elevation_mask_deg", &mut plan.elevation_mask_deg, solve.elevation_mask_deg),
+            ("length_sd_m", &mut plan.length_sd_m, solve.array_sd_m),
+            ("code_sd_m", &mut plan.code_sd_m, solve.code_sd_m),
+            ("phase_sd_m", &mut plan.phase_sd_m, solve.phase_sd_m),
+        ] {
+            if let Some(inherited) = inherited.filter(|_| !is_given(key)) {
+                *value = inherited;
+            }
+        }
+        if let Some(bands) = solve.bands.take().filter(|_| !is_given("bands")) {
+            plan.bands = bands;
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        file.nav.files.iter_mut().for_each(|nav| *nav = folder.join(&*nav));
+        Ok(file)
+    }
+
+    /// Navigation files that the file names.
+    pub(super) fn navigation(&self) -> &[PathBuf] {
+        &self.nav.files
+    }
+
     pub(super) fn names(&self) -> Vec<&str> {
         self.antenna.iter().map(|antenna| antenna.name.as_str()).collect()
     }

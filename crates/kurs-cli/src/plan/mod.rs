@@ -26,7 +26,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use self::config::ArrayFile;
 use self::improvement::Improvement;
 use self::sky::Sky;
-use crate::config_file;
 use crate::failure::UsageError;
 
 /// Simulated epochs for the success rate with known length.
@@ -41,13 +40,14 @@ const MAX_EPOCHS: f64 = 100_000.0;
 /// Predicted accuracy of an antenna array, its weak axis, and the baselines worth processing.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Antennas (`[[antenna]]` with `name` and `position_m`) and what is planned for (`[plan]`)
+    /// Antennas (`[[antenna]]` with `name` and `position_m`) and what is planned for (`[plan]`), or
+    /// the configuration of `kurs solve`
     array: PathBuf,
-    /// Navigation file; several may be given; a nominal sky without any
+    /// Navigation file, in place of those of the file; several may be given; a nominal sky without any
     #[arg(long)]
     nav: Vec<PathBuf>,
     /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first ephemeris)
-    #[arg(long, requires = "nav")]
+    #[arg(long)]
     at: Option<String>,
     /// Time span, such as 24h, 90m or 600s
     #[arg(long = "for", default_value = "24h")]
@@ -103,11 +103,11 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let file: ArrayFile = config_file::read(&args.array)?;
+    let file = ArrayFile::read(&args.array)?;
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
-    let sky = Sky::read(&args.nav)?;
+    let sky = Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?;
     let start = match &args.at {
         Some(text) => sky::parse_time(text)?,
         None => sky.start(),

@@ -240,7 +240,7 @@ fn choice_rows(plan: &Plan) -> Rows {
         match &choice.answer {
             Ok(Answer { pairs, value, gap, milliseconds, relative_error }) => vec![
                 name,
-                format!("{value:.4}"),
+                if *value < 1e4 { format!("{value:.4}") } else { format!("{value:.1e}") },
                 if *gap == 0.0 { "optimal".to_owned() } else { percent(*gap) },
                 format!("{milliseconds:.1} ms"),
                 if relative_error.is_finite() {
@@ -250,7 +250,10 @@ fn choice_rows(plan: &Plan) -> Rows {
                 },
                 pair_names(plan, pairs),
             ],
-            Err(error) => vec![name, error.to_string()],
+            Err(error) => {
+                let nothing = || String::from("–");
+                vec![name, nothing(), nothing(), nothing(), nothing(), error.to_string()]
+            }
         }
     };
     plan.choices.iter().map(row).collect()

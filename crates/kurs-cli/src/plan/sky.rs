@@ -95,9 +95,8 @@ impl Sky {
         }
     }
 
-    /// The signals that every antenna sees at `time`, and the number of satellites.
-    ///
-    /// Standard deviations grow towards the horizon: σ² = σ₀² (½ + ½/sin² elevation).
+    /// The signals that every antenna sees at `time`, with the noise that `kurs solve` expects
+    /// of them, and the number of satellites.
     pub(super) fn sights(
         &self,
         time: GpsTime,
@@ -105,6 +104,7 @@ impl Sky {
         bands: &[Band],
     ) -> (Vec<Sight>, usize) {
         let place = file.plan.place();
+        let noise = file.plan.noise();
         let (receiver_m, ned_from_ecef) = (place.to_ecef(), place.ned_from_ecef());
         let systems: BTreeSet<System> = bands.iter().map(|band| band.system).collect();
         let mut sights = Vec::new();
@@ -115,17 +115,17 @@ impl Sky {
                 continue;
             }
             satellites += 1;
-            let sine = -direction.xyz().z;
-            let noise = (0.5 + 0.5 / (sine * sine)).sqrt();
+            let elevation_rad = (-direction.xyz().z).asin();
             for band in bands.iter().filter(|band| band.system == system) {
                 // GLONASS channels differ by 0.5 % at most: the middle one stands for all.
                 if let Some(wavelength_m) = band.wavelength_m(Some(0)) {
+                    let variances = noise.variances(*band, elevation_rad, None);
                     sights.push(Sight {
                         direction,
                         band: *band,
                         wavelength_m,
-                        code_sd_m: file.plan.code_sd_m * noise,
-                        phase_sd_m: file.plan.phase_sd_m * noise,
+                        code_sd_m: variances.code_m2.sqrt(),
+                        phase_sd_m: variances.phase_m2.sqrt(),
                     });
                 }
             }

@@ -4,7 +4,8 @@
 //! cargo run --release -p kurs --example selection_experiments > docs/experiments/selection.md
 //! ```
 //!
-//! A number as argument replaces the 1000 arrays of the published table.
+//! A number as argument replaces the 1000 arrays of the published table; `times` as argument prints
+//! that section alone.
 #![allow(clippy::print_stdout)]
 
 mod attitude;
@@ -64,6 +65,9 @@ pub(crate) fn draw(
 }
 
 fn main() {
+    if std::env::args().nth(1).as_deref() == Some("times") {
+        return search::print_twelve();
+    }
     let tests = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(1000);
     println!("# Choice of baselines: figures\n");
     println!(

@@ -16,6 +16,7 @@
 use nalgebra::Matrix3;
 
 use super::AttitudeError;
+use super::small::{Factored, product, transposed_product};
 use super::wahba::nearest_rotation;
 use super::weighted::{AttitudeProblem, exponential, mix, vex_of_difference};
 use crate::frames::skew;
@@ -60,7 +61,8 @@ impl AttitudeProblem {
             return Err(AttitudeError::NotSeparable);
         };
         // Bᵀ = N⁻¹ X,  M̂Bᵀ = X/κ − Bᵀ
-        let b_transposed = normal.cholesky().ok_or(AttitudeError::Unobservable)?.solve(cross);
+        let factored = Factored::new(normal).ok_or(AttitudeError::Unobservable)?;
+        let b_transposed = factored.solve_columns(cross);
         let kappa = match scale {
             Scale::Printed => 1.0,
             Scale::Trace => normal.trace() / 3.0,
@@ -70,22 +72,23 @@ impl AttitudeProblem {
 
         let mut rotation = nearest_rotation(&b_transposed)?.rotation;
         // μ(0) = ½ P diag(1, 1, d) Σ Pᵀ = ½ QᵀBᵀ
-        let start = rotation.transpose() * b_transposed;
+        let start = transposed_product(&rotation, &b_transposed);
         let mut mu = 0.25 * (start + start.transpose());
         let delta = 1.0 / steps as f64;
         for index in 0..steps {
             let alpha = index as f64 * delta;
-            let pi = rotation.transpose() * m * rotation;
-            let psi = rotation.transpose() * m_b_transposed - pi * spread;
+            let pi = transposed_product(&rotation, &product(&m, &rotation));
+            let psi = transposed_product(&rotation, &m_b_transposed) - product(&pi, spread);
             let k = alpha * mix(&pi, spread) + 2.0 * (mu.trace() * Matrix3::identity() - mu);
             let inverse = k.try_inverse().ok_or(AttitudeError::Unobservable)?;
             let s = inverse * vex_of_difference(&psi);
             let turn = skew(&s);
-            mu += 0.5 * delta * (psi - alpha * pi * turn * spread - 2.0 * turn * mu);
-            let euler = rotation + delta * rotation * turn;
+            let bent = alpha * product(&pi, &product(&turn, spread)) + 2.0 * product(&turn, &mu);
+            mu += 0.5 * delta * (psi - bent);
+            let euler = rotation + delta * product(&rotation, &turn);
             rotation = match step {
                 Step::Euler => euler,
-                Step::Exponential => rotation * exponential(&(delta * s)),
+                Step::Exponential => product(&rotation, &exponential(&(delta * s))),
                 Step::Polar => nearest_rotation(&euler)?.rotation,
             };
         }

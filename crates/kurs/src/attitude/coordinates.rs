@@ -12,6 +12,7 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::AttitudeError;
+use super::small::outer;
 use super::wahba::{attitude_profile, nearest_rotation};
 use super::weighted::{AttitudeProblem, Matrix9, Minimum, matrix_of, tangent_of, vec_of};
 use crate::frames::skew;
@@ -151,8 +152,8 @@ fn separable(points: &[MeasuredPoint]) -> AttitudeProblem {
     let (mut spread, mut cross) = (Matrix3::zeros(), Matrix3::zeros());
     for point in points {
         let p = point.body_m - body_centre;
-        spread += p * p.transpose();
-        cross += (point.measured_m - measured_centre) * p.transpose();
+        spread += outer(&p, &p);
+        cross += outer(&(point.measured_m - measured_centre), &p);
     }
     let normal = points[0].information;
     AttitudeProblem::Separable { normal, spread, cross: normal * cross }

@@ -13,6 +13,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::AttitudeError;
+use super::small::Factored;
 use super::weighted::AttitudeProblem;
 
 /// How the errors of different baselines belong together.
@@ -56,42 +57,54 @@ impl SingleDifferences<'_> {
     /// Counts that do not belong together, standard deviations that are not positive, numbers that
     /// are not finite.
     pub fn reduce(&self) -> Result<PhaseNormal, AttitudeError> {
-        self.check()?;
-        let (satellites, rows) = (self.lines_of_sight.len(), self.sigma_m.len());
-        let baselines = self.phases_m.len() / rows;
+        let weights = self.weights()?;
+        let rows = weights.len();
+        let sum: f64 = weights.iter().sum();
+        let lines = || weights.iter().zip(self.lines_of_sight.iter().cycle());
 
-        // h̄ = Σ v h / Σ v,  φ̄ᵣ = Σ v φᵣ / Σ v
-        let (mut sum, mut mean_row) = (0.0, Vector3::zeros());
-        let mut mean_phases_m = vec![0.0; baselines];
-        for row in 0..rows {
-            let v = 1.0 / (self.sigma_m[row] * self.sigma_m[row]);
-            sum += v;
-            mean_row -= v * self.lines_of_sight[row % satellites];
-            for (r, mean) in mean_phases_m.iter_mut().enumerate() {
-                *mean += v * self.phases_m[r * rows + row];
-            }
+        // h̄ = Σ v h / Σ v,  N = Σ v (h − h̄)(h − h̄)ᵀ
+        let mut mean_row = Vector3::zeros();
+        for (v, line_of_sight) in lines() {
+            mean_row -= *v * line_of_sight;
         }
         mean_row /= sum;
-        mean_phases_m.iter_mut().for_each(|mean| *mean /= sum);
-
-        let mut normal = Matrix3::zeros();
-        let mut moments = vec![Vector3::zeros(); baselines];
-        for row in 0..rows {
-            let v = 1.0 / (self.sigma_m[row] * self.sigma_m[row]);
-            let h = -self.lines_of_sight[row % satellites] - mean_row;
-            let weighted = v * h;
-            normal += weighted * h.transpose();
-            for (r, moment) in moments.iter_mut().enumerate() {
-                *moment += weighted * (self.phases_m[r * rows + row] - mean_phases_m[r]);
-            }
-        }
+        let mut normal = Matrix3::<f64>::zeros();
+        let weighted: Vec<Vector3<f64>> = lines()
+            .map(|(v, line_of_sight)| {
+                let h = -line_of_sight - mean_row;
+                let weighted = *v * h;
+                for column in 0..3 {
+                    for row in column..3 {
+                        normal[(row, column)] += weighted[row] * h[column];
+                    }
+                }
+                weighted
+            })
+            .collect();
+        normal.fill_upper_triangle_with_lower_triangle();
         if normal.iter().any(|c| !c.is_finite()) {
             return Err(AttitudeError::NotFinite { what: "normal matrix" });
+        }
+
+        // φ̄ᵣ = Σ v φᵣ / Σ v,  bᵣ = Σ v (h − h̄)(φᵣ − φ̄ᵣ)
+        let (mut moments, mut mean_phases_m) = (Vec::new(), Vec::new());
+        for phases in self.phases_m.chunks_exact(rows) {
+            let mean = weights.iter().zip(phases).map(|(v, phase)| v * phase).sum::<f64>() / sum;
+            let mut moment = Vector3::zeros();
+            for (weighted, phase) in weighted.iter().zip(phases) {
+                moment += weighted * (phase - mean);
+            }
+            if moment.iter().any(|c| !c.is_finite()) {
+                return Err(AttitudeError::NotFinite { what: "phase" });
+            }
+            mean_phases_m.push(mean);
+            moments.push(moment);
         }
         Ok(PhaseNormal { normal, moments, mean_row, mean_phases_m })
     }
 
-    fn check(&self) -> Result<(), AttitudeError> {
+    /// `v = σ⁻²` of every row, once the counts belong together.
+    fn weights(&self) -> Result<Vec<f64>, AttitudeError> {
         let (satellites, rows) = (self.lines_of_sight.len(), self.sigma_m.len());
         if satellites < 2 {
             return Err(AttitudeError::TooFewVectors { found: satellites });
@@ -104,18 +117,15 @@ impl SingleDifferences<'_> {
             let found = self.phases_m.len();
             return Err(AttitudeError::Shape { what: "phases", expected: rows, found });
         }
-        if self.lines_of_sight.iter().any(|u| u.iter().any(|c| !c.is_finite())) {
-            return Err(AttitudeError::NotFinite { what: "line of sight" });
-        }
-        if self.phases_m.iter().any(|phase| !phase.is_finite()) {
-            return Err(AttitudeError::NotFinite { what: "phase" });
-        }
-        match self.sigma_m.iter().copied().find(|sigma| sigma.is_nan() || *sigma <= 0.0) {
-            Some(value) => {
-                Err(AttitudeError::NotPositive { what: "phase standard deviation", value })
+        let weight = |sigma: &f64| {
+            if *sigma > 0.0 {
+                Ok(1.0 / (sigma * sigma))
+            } else {
+                let what = "phase standard deviation";
+                Err(AttitudeError::NotPositive { what, value: *sigma })
             }
-            None => Ok(()),
-        }
+        };
+        self.sigma_m.iter().map(weight).collect()
     }
 }
 
@@ -146,12 +156,11 @@ impl PhaseNormal {
     /// `L* = N⁻¹ b`: each baseline on its own, m. `None` where the satellites do not determine one.
     #[must_use]
     pub fn baselines_m(&self) -> Option<Vec<Vector3<f64>>> {
-        let cholesky = self.normal.cholesky()?;
-        let pivots = cholesky.l_dirty().diagonal();
-        if pivots.min() <= 1e-6 * pivots.max() {
+        let factored = Factored::new(&self.normal)?;
+        if factored.pivots.min() <= 1e-12 * factored.pivots.max() {
             return None;
         }
-        Some(self.moments.iter().map(|moment| cholesky.solve(moment)).collect())
+        Some(self.moments.iter().map(|moment| factored.solve(moment)).collect())
     }
 
     /// Clock of each single difference at the attitude `Q`, m: `φ̄ᵣ − h̄ᵀ Q lᵣ`.

@@ -13,6 +13,11 @@ pub(super) fn transposed_product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<
     Matrix3::from_fn(|i, j| a[(0, i)] * b[(0, j)] + a[(1, i)] * b[(1, j)] + a[(2, i)] * b[(2, j)])
 }
 
+/// `a bᵀ`.
+pub(super) fn outer(a: &Vector3<f64>, b: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| a[i] * b[j])
+}
+
 /// `L D Lᵀ` of a symmetric positive definite matrix.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Factored {
@@ -70,6 +75,8 @@ mod tests {
             let [a, b] = [a, b].map(|c| Matrix3::from_row_slice(&c));
             prop_assert!((product(&a, &b) - a * b).norm() < 1e-15);
             prop_assert!((transposed_product(&a, &b) - a.transpose() * b).norm() < 1e-15);
+            let (u, v) = (a.column(0).into_owned(), b.column(1).into_owned());
+            prop_assert!((outer(&u, &v) - u * v.transpose()).norm() < 1e-15);
             let symmetric = a * a.transpose() + 0.01 * Matrix3::identity();
             let factored = Factored::new(&symmetric).unwrap();
             prop_assert!((symmetric * factored.solve_columns(&b) - b).norm() < 1e-12);

@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
 use super::AttitudeError;
+use super::small::outer;
 
 /// Sweeps of the Jacobi method after which it is stopped; it needs four to six.
 const MAX_SWEEPS: usize = 30;
@@ -72,7 +73,7 @@ pub fn attitude_profile(
     }
     let mut profile = Matrix3::zeros();
     for ((l, measured_l), weight) in body.iter().zip(measured).zip(weights) {
-        profile += *weight * measured_l * l.transpose();
+        profile += *weight * outer(measured_l, l);
     }
     Ok(profile)
 }
@@ -103,9 +104,10 @@ pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Result<NearestRotation, Attitu
     }
     let u1 = columns.column(first) / sigma[0];
     let u2 = columns.column(second) / sigma[1];
-    let (u3, v1, v2) = (u1.cross(&u2), v.column(first), v.column(second));
+    let (v1, v2) = (v.column(first).into_owned(), v.column(second).into_owned());
+    let u3 = u1.cross(&u2);
     let v3 = v1.cross(&v2);
-    let rotation = u1 * v1.transpose() + u2 * v2.transpose() + u3 * v3.transpose();
+    let rotation = outer(&u1, &v1) + outer(&u2, &v2) + outer(&u3, &v3);
     let signed_third = u3.dot(&(matrix * v3));
     Ok(NearestRotation {
         rotation,

@@ -101,6 +101,11 @@ impl Criterion {
         }
     }
 
+    /// Whether longer baselines are better, all other things being equal.
+    pub(super) fn counts_length(self) -> bool {
+        matches!(self, Self::SmallestInformation | Self::TraceOfCovariance)
+    }
+
     /// A set whose R has a smaller trace than this (m²) costs more than `cost`, whatever its shape;
     /// 0 where length does not count.
     pub(super) fn least_trace(self, cost: f64) -> f64 {

@@ -246,8 +246,8 @@ impl Selection {
 /// The best baselines by `criterion` among the graphs of kind `graph`.
 ///
 /// Up to [`EXACT_ANTENNAS`] antennas the answer is the optimum; beyond, edge swaps from many random
-/// starts, a limited branch and bound, and, where that does not end, the bound of the convex
-/// relaxation beside the result.
+/// starts, for the criteria that count length a limited branch and bound, and, where that does not
+/// end, the bound of the convex relaxation beside the result.
 ///
 /// # Errors
 ///
@@ -263,7 +263,9 @@ pub fn select(
         (best_by_enumeration(baselines, graph, criterion), true)
     } else {
         let found = search(baselines, graph, criterion, STARTS, random);
-        branch_and_bound(baselines, graph, criterion, found, BRANCHES)
+        // Without length to prune by no budget would suffice.
+        let branches = if criterion.counts_length() { BRANCHES } else { 0 };
+        branch_and_bound(baselines, graph, criterion, found, branches)
     };
     let value = baselines.value(&chosen, criterion);
     let bound = if exact { value } else { relax(baselines, graph, criterion).bound };
