@@ -89,6 +89,27 @@ fn two_antennas_have_no_roll_and_nothing_to_choose() {
     assert!(plan["choices"][3]["refused"].as_str().unwrap().contains("one line"));
 }
 
+/// The configuration of `kurs solve` is an array file too; `[plan]` goes first.
+#[test]
+fn a_solve_configuration_is_planned() {
+    let folder = tempfile::tempdir().unwrap();
+    let solve = ROOF.replace("name", "obs = [\"x.rnx\"]\nname").replace("[plan]", "")
+        + "[solve]\nbands = [\"G1\"]\nelevation_mask_deg = 25.0\nconstraint = \"array\"\n\
+           code_sd_m = 0.6\n[[point]]\nname = \"p\"\nposition_m = [1.0, 0.0, 0.0]\n";
+    let solve = solve.replace("step_s = 1800.0\n", "");
+    let text = |folder: &Path, more: &str| {
+        let output = plan(folder, &format!("{solve}{more}"), &["--for", "2h"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let inherited = text(folder.path(), "");
+    assert!(inherited.contains("mask 25°") && inherited.contains("code 0.6 m"), "{inherited}");
+    let satellites = json(folder.path())["epochs"][0]["satellites"].as_u64().unwrap();
+    let own = text(folder.path(), "[plan]\nelevation_mask_deg = 5.0\n");
+    assert!(own.contains("mask 5°") && own.contains("code 0.6 m"), "{own}");
+    assert!(json(folder.path())["epochs"][0]["satellites"].as_u64().unwrap() > satellites);
+}
+
 #[test]
 fn wrong_files_are_usage_errors_that_name_the_key() {
     let one = "[[antenna]]\nname = \"a\"\nposition_m = [0.0, 0.0, 0.0]\n";

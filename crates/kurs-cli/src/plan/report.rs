@@ -6,8 +6,8 @@ use std::path::Path;
 use comfy_table::{Table, presets};
 use kurs::selection::{Criterion, Graph, Pair};
 use nalgebra::Vector3;
-use plotly::common::{Mode, Title};
-use plotly::layout::{Axis, Layout};
+use plotly::common::{Mode, Position, Title};
+use plotly::layout::{Axis, Layout, RangeMode};
 use plotly::{Plot, Scatter};
 use serde_json::{Value, json};
 
@@ -48,7 +48,7 @@ pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     page.heading("Accuracy over time");
     page.plot(&accuracy_plot(plan));
     page.heading("Array, seen from above, with the chosen baselines");
-    page.plot(&array_plot(plan));
+    page.square_plot(&array_plot(plan));
     for (title, header, rows) in tables(plan) {
         page.heading(title);
         page.table(&header, &rows);
@@ -337,11 +337,9 @@ fn accuracy_plot(plan: &Plan) -> Plot {
     if !rolls.is_empty() {
         line("roll", rolls);
     }
-    plot.set_layout(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text("hours")))
-            .y_axis(Axis::new().title(Title::with_text("standard deviation, °"))),
-    );
+    plot.set_layout(Layout::new().x_axis(Axis::new().title(Title::with_text("hours"))).y_axis(
+        Axis::new().title(Title::with_text("standard deviation, °")).range_mode(RangeMode::ToZero),
+    ));
     plot
 }
 
@@ -358,7 +356,11 @@ fn array_plot(plan: &Plan) -> Plot {
         (0..plan.array.len()).map(|a| (at(a).y, at(a).x)).unzip::<_, _, Vec<_>, Vec<_>>();
     let names = plan.file.names().into_iter().map(str::to_owned).collect();
     plot.add_trace(
-        Scatter::new(right, forward).mode(Mode::MarkersText).text_array(names).show_legend(false),
+        Scatter::new(right, forward)
+            .mode(Mode::MarkersText)
+            .text_array(names)
+            .text_position(Position::TopCenter)
+            .show_legend(false),
     );
     plot.set_layout(
         Layout::new()

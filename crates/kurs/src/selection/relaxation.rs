@@ -10,7 +10,7 @@
 
 use nalgebra::{DVector, Matrix3, Matrix4};
 
-use super::cone_program::{Block, ConeProgram, Inequality};
+use super::cone_program::{Block, ConeProgram, Inequality, Optimum};
 use super::{Baselines, Criterion, Graph};
 
 /// Rounds of added subset constraints; the bound holds after each.
@@ -103,23 +103,63 @@ pub(super) enum Information {
     Attitude,
 }
 
-/// One baseline's contribution to the matrix, divided by the mean squared length: numbers near 1.
-fn terms(baselines: &Baselines, information: Information) -> (Vec<Matrix3<f64>>, f64) {
-    let scale = baselines.scaled_m.iter().map(|l| l.norm_squared()).sum::<f64>()
-        / baselines.scaled_m.len() as f64;
-    let term = |gram: &super::Gram| {
-        let matrix = gram.matrix() / scale;
-        match information {
-            Information::Baselines => matrix,
-            Information::Attitude => Matrix3::from_diagonal_element(matrix.trace()) - matrix,
-        }
-    };
-    (baselines.grams.iter().map(term).collect(), scale)
+/// What every relaxation starts from.
+struct Start {
+    /// Each baseline's contribution to the matrix, divided by `scale`: numbers near 1.
+    terms: Vec<Matrix3<f64>>,
+    /// Mean squared length.
+    scale: f64,
+    /// Equal shares: inside every constraint.
+    shares: DVector<f64>,
+    /// Extreme eigenvalues of the matrix of equal shares.
+    smallest: f64,
+    largest: f64,
 }
 
-/// Shares of equal size: inside every constraint.
-fn equal_shares(baselines: &Baselines) -> DVector<f64> {
-    DVector::from_element(baselines.pairs.len(), 2.0 / baselines.antennas as f64)
+impl Start {
+    fn new(baselines: &Baselines, information: Information) -> Self {
+        let count = baselines.pairs.len();
+        let squared = baselines.scaled_m.iter().map(|l| l.norm_squared());
+        let scale = squared.sum::<f64>() / count as f64;
+        let term = |gram: &super::Gram| {
+            let matrix = gram.matrix() / scale;
+            match information {
+                Information::Baselines => matrix,
+                Information::Attitude => Matrix3::from_diagonal_element(matrix.trace()) - matrix,
+            }
+        };
+        let terms: Vec<Matrix3<f64>> = baselines.grams.iter().map(term).collect();
+        let share = 2.0 / baselines.antennas as f64;
+        let eigenvalues = (terms.iter().sum::<Matrix3<f64>>() * share).symmetric_eigenvalues();
+        Self {
+            terms,
+            scale,
+            shares: DVector::from_element(count, share),
+            smallest: eigenvalues.min(),
+            largest: eigenvalues.max(),
+        }
+    }
+
+    /// Cost, row or point of the programme: a number for each baseline, then the further variables.
+    fn with_further(&self, of_baselines: f64, further: &[f64]) -> DVector<f64> {
+        extended(&DVector::from_element(self.shares.len(), of_baselines), further)
+    }
+
+    /// The relaxation from the minimum of a programme; equal shares and the trivial bound where it
+    /// has found none.
+    fn relaxed(
+        &self,
+        optimum: Option<Optimum>,
+        bound: impl Fn(&Optimum) -> f64,
+        trivial: f64,
+    ) -> Relaxed {
+        let shares_of =
+            |x: &DVector<f64>| x.iter().take(self.shares.len()).copied().collect::<Vec<f64>>();
+        match optimum {
+            Some(optimum) => Relaxed { shares: shares_of(&optimum.x), bound: bound(&optimum) },
+            None => Relaxed { shares: shares_of(&self.shares), bound: trivial },
+        }
+    }
 }
 
 /// Constraints (2) of the paper and (4) for these subsets; (3) follows from (4) and the sum.
@@ -181,67 +221,44 @@ fn extended(shares: &DVector<f64>, further: &[f64]) -> DVector<f64> {
     DVector::from_iterator(shares.len() + further.len(), shares.iter().chain(further).copied())
 }
 
-fn sum_of_shares(count: usize, further: &[f64]) -> DVector<f64> {
-    extended(&DVector::from_element(count, 1.0), further)
-}
-
-/// Smallest and largest eigenvalue.
-fn extremes(matrix: &Matrix3<f64>) -> (f64, f64) {
-    let eigenvalues = matrix.symmetric_eigenvalues();
-    (eigenvalues.min(), eigenvalues.max())
-}
-
-fn combine(terms: &[Matrix3<f64>], shares: &DVector<f64>) -> Matrix3<f64> {
-    terms.iter().zip(shares.iter()).fold(Matrix3::zeros(), |sum, (term, s)| sum + term * *s)
-}
-
 /// Problem 1: max t subject to F(s) − t I ⪰ 0. The bound is on λ_min, m².
 pub(super) fn largest_smallest_eigenvalue(
     baselines: &Baselines,
     subsets: &[u32],
     information: Information,
 ) -> Relaxed {
-    let (terms, scale) = terms(baselines, information);
-    let count = terms.len();
-    let shares = equal_shares(baselines);
-    let (smallest, largest) = extremes(&combine(&terms, &shares));
+    let start = Start::new(baselines, information);
+    let terms = start.terms.clone();
     let programme = ConeProgram {
-        cost: extended(&DVector::zeros(count), &[-1.0]),
-        equality: sum_of_shares(count, &[0.0]),
+        cost: start.with_further(0.0, &[-1.0]),
+        equality: start.with_further(1.0, &[0.0]),
         inequalities: constraints(baselines, subsets, None),
         blocks: vec![block(Matrix3::zeros(), [terms, vec![-Matrix3::identity()]].concat())],
     };
-    match programme.minimise(extended(&shares, &[smallest - 0.1 * largest])) {
-        Some(optimum) => Relaxed {
-            shares: optimum.x.rows(0, count).iter().copied().collect(),
-            bound: -optimum.bound * scale,
-        },
-        None => Relaxed { shares: shares.iter().copied().collect(), bound: f64::INFINITY },
-    }
+    let inside = extended(&start.shares, &[start.smallest - 0.1 * start.largest]);
+    let bound = |optimum: &Optimum| -optimum.bound * start.scale;
+    start.relaxed(programme.minimise(inside), bound, f64::INFINITY)
 }
 
 /// Problem 2 for one v: min λ_max(F) − v λ_min(F) as min t₁ − v t₂ subject to t₁ I ⪰ F ⪰ t₂ I.
 /// The bound is the minimum itself, in units of the mean squared length.
 pub(super) fn least_weighted_spread(baselines: &Baselines, subsets: &[u32], v: f64) -> Relaxed {
-    let (terms, _) = terms(baselines, Information::Baselines);
-    let count = terms.len();
-    let shares = equal_shares(baselines);
-    let (smallest, largest) = extremes(&combine(&terms, &shares));
-    let negative: Vec<Matrix3<f64>> = terms.iter().map(|term| -term).collect();
-    let identity = Matrix3::identity();
-    let zero = Matrix3::zeros();
+    let start = Start::new(baselines, Information::Baselines);
+    let (identity, zero) = (Matrix3::identity(), Matrix3::zeros());
     let programme = ConeProgram {
-        cost: extended(&DVector::zeros(count), &[1.0, -v]),
-        equality: sum_of_shares(count, &[0.0, 0.0]),
+        cost: start.with_further(0.0, &[1.0, -v]),
+        equality: start.with_further(1.0, &[0.0, 0.0]),
         inequalities: constraints(baselines, subsets, None),
         blocks: vec![
-            block(zero, [negative, vec![identity, zero]].concat()),
-            block(zero, [terms, vec![zero, -identity]].concat()),
+            block(zero, [negative(&start.terms), vec![identity, zero]].concat()),
+            block(zero, [start.terms.clone(), vec![zero, -identity]].concat()),
         ],
     };
-    let start = extended(&shares, &[1.1 * largest, smallest - 0.1 * largest]);
-    let x = programme.minimise(start.clone()).map_or(start, |optimum| optimum.x);
-    Relaxed { shares: x.rows(0, count).iter().copied().collect(), bound: programme.cost.dot(&x) }
+    let further = [1.1 * start.largest, start.smallest - 0.1 * start.largest];
+    let inside = extended(&start.shares, &further);
+    let trivial = programme.cost.dot(&inside);
+    let bound = |optimum: &Optimum| programme.cost.dot(&optimum.x);
+    start.relaxed(programme.minimise(inside), bound, trivial)
 }
 
 /// Problem 2 at once: z = τ s, min k subject to I ⪯ F(z) ⪯ k I. The bound is on κ.
@@ -250,43 +267,36 @@ pub(super) fn least_condition(
     subsets: &[u32],
     information: Information,
 ) -> Relaxed {
-    let (terms, _) = terms(baselines, information);
-    let count = terms.len();
-    let shares = equal_shares(baselines);
-    let (smallest, largest) = extremes(&combine(&terms, &shares));
-    let negative: Vec<Matrix3<f64>> = terms.iter().map(|term| -term).collect();
-    let identity = Matrix3::identity();
-    let zero = Matrix3::zeros();
+    let start = Start::new(baselines, information);
+    let count = start.terms.len();
+    let (identity, zero) = (Matrix3::identity(), Matrix3::zeros());
     let programme = ConeProgram {
-        cost: extended(&DVector::zeros(count), &[0.0, 1.0]),
+        cost: start.with_further(0.0, &[0.0, 1.0]),
         // Σ z = (n − 1) τ
-        equality: sum_of_shares(count, &[1.0 - baselines.antennas as f64, 0.0]),
+        equality: start.with_further(1.0, &[1.0 - baselines.antennas as f64, 0.0]),
         inequalities: constraints(baselines, subsets, Some(count)),
         blocks: vec![
-            block(-identity, [terms, vec![zero, zero]].concat()),
-            block(zero, [negative, vec![zero, identity]].concat()),
+            block(-identity, [start.terms.clone(), vec![zero, zero]].concat()),
+            block(zero, [negative(&start.terms), vec![zero, identity]].concat()),
         ],
     };
     // Twice the smallest multiple of equal shares that is above I.
-    let scale = 2.0 / smallest;
-    let start = extended(&(&shares * scale), &[scale, 2.0 * largest * scale]);
-    match programme.minimise(start) {
-        Some(optimum) => Relaxed {
-            shares: optimum.x.rows(0, count).iter().map(|z| z / optimum.x[count]).collect(),
-            bound: optimum.bound.max(1.0),
-        },
-        None => Relaxed { shares: shares.iter().copied().collect(), bound: 1.0 },
-    }
+    let tau = 2.0 / start.smallest;
+    let inside = extended(&(&start.shares * tau), &[tau, 2.0 * start.largest * tau]);
+    let optimum = programme.minimise(inside).map(|optimum| {
+        // s = z / τ
+        let mut x = optimum.x;
+        x /= x[count];
+        Optimum { x, ..optimum }
+    });
+    start.relaxed(optimum, |optimum| optimum.bound.max(1.0), 1.0)
 }
 
 /// min Σ uᵢ subject to [J(s) eᵢ; eᵢᵀ uᵢ] ⪰ 0, that is uᵢ ≥ (J⁻¹)ᵢᵢ. The bound is on tr J⁻¹, m⁻².
 fn least_trace_of_inverse(baselines: &Baselines, subsets: &[u32]) -> Relaxed {
-    let (terms, scale) = terms(baselines, Information::Attitude);
-    let count = terms.len();
-    let shares = equal_shares(baselines);
-    let (smallest, _) = extremes(&combine(&terms, &shares));
+    let start = Start::new(baselines, Information::Attitude);
     let variance_block = |axis: usize| {
-        let mut block = block(Matrix3::zeros(), terms.clone());
+        let mut block = block(Matrix3::zeros(), start.terms.clone());
         block.constant[(3, 3)] = 0.0;
         (block.constant[(axis, 3)], block.constant[(3, axis)]) = (1.0, 1.0);
         for variance in 0..3 {
@@ -297,18 +307,18 @@ fn least_trace_of_inverse(baselines: &Baselines, subsets: &[u32]) -> Relaxed {
         block
     };
     let programme = ConeProgram {
-        cost: extended(&DVector::zeros(count), &[1.0; 3]),
-        equality: sum_of_shares(count, &[0.0; 3]),
+        cost: start.with_further(0.0, &[1.0; 3]),
+        equality: start.with_further(1.0, &[0.0; 3]),
         inequalities: constraints(baselines, subsets, None),
         blocks: (0..3).map(variance_block).collect(),
     };
-    match programme.minimise(extended(&shares, &[2.0 / smallest; 3])) {
-        Some(optimum) => Relaxed {
-            shares: optimum.x.rows(0, count).iter().copied().collect(),
-            bound: optimum.bound.max(0.0) / scale,
-        },
-        None => Relaxed { shares: shares.iter().copied().collect(), bound: 0.0 },
-    }
+    let inside = extended(&start.shares, &[2.0 / start.smallest; 3]);
+    let bound = |optimum: &Optimum| optimum.bound.max(0.0) / start.scale;
+    start.relaxed(programme.minimise(inside), bound, 0.0)
+}
+
+fn negative(terms: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+    terms.iter().map(|term| -term).collect()
 }
 
 #[cfg(test)]
