@@ -166,7 +166,11 @@ impl Tables {
 }
 
 /// Writes the row of one epoch.
-pub(crate) fn write_attitude(t: &mut Table, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
+pub(crate) fn write_attitude(
+    t: &mut Table,
+    time: &TimeColumns,
+    row: &EpochSolution,
+) -> anyhow::Result<()> {
     time.write(t);
     t.text(row.status.word());
     t.text(row.reason.map_or("", |reason| reason.word()));
