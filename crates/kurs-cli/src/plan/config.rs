@@ -33,6 +33,8 @@ pub(super) struct ArrayFile {
     _point: IgnoredAny,
     #[serde(default, rename = "station")]
     _station: IgnoredAny,
+    #[serde(default, rename = "antex")]
+    _antex: IgnoredAny,
 }
 
 /// What `[solve]` says about the same things as `[plan]`; its other keys are not the plan's.
@@ -47,18 +49,16 @@ struct SolveKeys {
 
 /// `[nav]` of `kurs solve`.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default)]
 struct NavKeys {
     files: Vec<PathBuf>,
 }
 
+/// An antenna; what else `kurs solve` may say of it does not count here.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct AntennaEntry {
     name: String,
     position_m: [f64; 3],
-    #[serde(default, rename = "obs")]
-    _obs: IgnoredAny,
 }
 
 /// A baseline that is better or worse than the others.
