@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 
 use crate::frames::{Body, Ecef, Enu, Geodetic, Ned, Rotation, Vector};
 use crate::signal::{Satellite, Signal};
-use crate::time::GpsTime;
+use crate::time::{Calendar, GpsTime};
 
 /// How far an epoch got; the words of the output column `status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -67,6 +67,8 @@ pub enum Reason {
 pub struct EpochSolution {
     /// Time tag of the first antenna that has an epoch.
     pub time: GpsTime,
+    /// The true instant in UTC, by the receiver's clock bias and the broadcast parameters.
+    pub time_utc: Option<Calendar>,
     /// How far the epoch got.
     pub status: Status,
     /// Why it is not fixed; `None` when it is.
@@ -191,6 +193,7 @@ impl EpochSolution {
     pub const fn lost(time: GpsTime, reason: Reason) -> Self {
         Self {
             time,
+            time_utc: None,
             status: Status::Lost,
             reason: Some(reason),
             antennas: 0,

@@ -17,6 +17,7 @@ use crate::float_solution::recursive::RecursiveFloat;
 use crate::float_solution::{FloatSolution, NoFloat};
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation};
 use crate::observation::ArrayEpoch;
+use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
@@ -84,6 +85,7 @@ impl Engine {
         let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
         row.antennas = self.located.len();
         row.position = self.first_position();
+        row.time_utc = self.true_time().map(|time| self.navigation.utc(time));
         if let Err(reason) = self.relative(epoch, &mut row) {
             row.reason = Some(reason);
         }
@@ -114,6 +116,13 @@ impl Engine {
             let arc = continuity.arc(link.antenna, link.satellite, link.signal);
             arc.map_or(0, |arc| arc.number)
         })
+    }
+
+    /// The instant of the first antenna that has a position: its tag less its clock bias.
+    fn true_time(&self) -> Option<GpsTime> {
+        let located = self.located.iter().find(|l| l.point.is_ok())?;
+        let clock_m = located.point.as_ref().ok()?.clock_m;
+        Some(located.tag + -clock_m / SPEED_OF_LIGHT_MPS)
     }
 
     /// Position and velocity of the first antenna that has them.

@@ -14,6 +14,7 @@ mod precise;
 #[cfg(test)]
 mod sample;
 mod store;
+mod utc;
 
 pub use glonass::{GlonassElements, GlonassEphemeris};
 pub use kepler::{BadEphemeris, KeplerElements, KeplerEphemeris, Message};

@@ -31,8 +31,16 @@ const ROUGH_M: f64 = 1e5;
 const MAX_RADIUS_M: f64 = 2.0e7;
 /// No model knows the ionosphere better than this, m.
 const LEAST_IONOSPHERE_SD_M: f64 = 0.1;
-/// At most this many satellites are excluded as faulty.
-const MAX_EXCLUSIONS: usize = 3;
+/// A residual of this many standard deviations does not fit the others: if the noise is Gaussian and
+/// as large as its weights say, 6·10⁻⁷ of the good satellites are excluded. Noise of code is not
+/// Gaussian, but a satellite so far off does not help the position either.
+const SUSPECT: f64 = 5.0;
+/// All residuals together do not fit their weights from this multiple of the expected size on.
+const INCONSISTENT_RMS: f64 = 3.0;
+/// A residual whose variance is a smaller share of its observation's checks nothing.
+const LEAST_CHECKED: f64 = 1e-6;
+/// Of the satellites, and of the pairs, this many that explain the misfit best are left out on trial.
+const TRIALS: usize = 3;
 
 /// What the position depends on besides the observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,21 +124,28 @@ pub fn solve(
 ) -> Result<PointSolution, NoPosition> {
     let mut fit = Fit::new(tracked, &navigation.ionosphere, time, settings);
     fit.converge()?;
-    let mut exclusions = Vec::new();
-    while let Some(suspect) = fit.worst_if_inconsistent() {
-        if exclusions.len() == MAX_EXCLUSIONS {
-            break;
-        }
-        let before = fit.clone();
-        fit.excluded.push(suspect.satellite);
-        if fit.converge().is_err() || fit.unit_weight_rms() > 0.8 * before.unit_weight_rms() {
-            // Leaving this one out does not explain the misfit: keep the honest larger residuals.
-            fit = before;
-            break;
-        }
-        exclusions.push(suspect);
-    }
-    fit.solution(exclusions)
+    // Where nothing explains the misfit, the honest larger residuals stay.
+    let explained = if fit.is_consistent() { None } else { without_faults(&fit) };
+    explained.unwrap_or(fit).solution()
+}
+
+/// The best fit without one satellite, or else without two, if it is consistent. One fault can move
+/// the position so that the residual of another satellite is the largest, and two can hide each
+/// other: so every pair is judged by what the two together explain.
+fn without_faults<'a>(whole: &Fit<'a>) -> Option<Fit<'a>> {
+    let indices = 0..whole.rows.len();
+    let one = indices.clone().map(|i| [i, i]);
+    let pairs = indices.flat_map(|i| (0..i).map(move |j| [i, j]));
+    best(whole, one).or_else(|| best(whole, pairs))
+}
+
+/// The consistent fit with the smallest residuals, of those without the rows that explain most.
+fn best<'a>(whole: &Fit<'a>, faults: impl Iterator<Item = [usize; 2]>) -> Option<Fit<'a>> {
+    let mut ranked: Vec<_> = faults.map(|rows| (whole.explained(rows), rows)).collect();
+    ranked.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let trials = ranked.iter().take(TRIALS).filter_map(|(_, rows)| whole.without(*rows));
+    let misfit = |fit: &Fit<'_>| fit.unit_weight_rms();
+    trials.filter(Fit::is_consistent).min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
 }
 
 /// The state of the iteration.
@@ -211,13 +226,10 @@ impl<'a> Fit<'a> {
                 None => Some(Modelled::rough(satellite)),
             };
             let Some(Modelled { pseudorange_m, delay_m, variance_m2 }) = modelled else { continue };
-            let computed_m = view.range_m + self.clocks_m[system]
-                - SPEED_OF_LIGHT_MPS * satellite.state.clock_s
-                + delay_m;
             let row = Row {
                 line_of_sight: view.line_of_sight.xyz(),
                 system,
-                misclosure_m: pseudorange_m - computed_m,
+                misclosure_m: pseudorange_m - self.computed_m(satellite, &view, delay_m),
                 weight: 1.0 / variance_m2,
             };
             self.rows.push((row, satellite.satellite));
@@ -284,28 +296,78 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// The satellite with the largest normalised residual, if the residuals as a whole are larger
-    /// than their weights allow and one exclusion leaves something to judge it by.
-    fn worst_if_inconsistent(&self) -> Option<Exclusion> {
-        // Code noise is neither white nor Gaussian: the global test only has to catch faults that
-        // dominate, so the threshold stands at three times the expected level.
-        if self.redundancy() < 2 || self.unit_weight_rms() < 3.0 {
-            return None;
-        }
-        let normalised = |row: &Row| {
-            let g = self.centred(row);
-            // var(v) = σ² − 1/Σw − g Q gᵀ
-            let variance_m2 = 1.0 / row.weight
-                - 1.0 / self.means[row.system].weight
-                - (g.transpose() * self.cofactor * g)[0];
-            row.misclosure_m.abs() / variance_m2.max(1e-6 / row.weight).sqrt()
-        };
-        let (row, satellite) =
-            self.rows.iter().max_by(|(a, _), (b, _)| normalised(a).total_cmp(&normalised(b)))?;
-        Some(Exclusion { satellite: *satellite, residual_m: row.misclosure_m })
+    /// Whether no residual says that a satellite is faulty, or none could say so.
+    fn is_consistent(&self) -> bool {
+        let fits = |(row, _): &(Row, Satellite)| self.normalised(row) < SUSPECT;
+        self.redundancy() == 0
+            || (self.unit_weight_rms() < INCONSISTENT_RMS && self.rows.iter().all(fits))
     }
 
-    fn solution(&self, exclusions: Vec<Exclusion>) -> Result<PointSolution, NoPosition> {
+    /// A residual over its standard deviation; zero for a satellite that the position rests on alone.
+    fn normalised(&self, row: &Row) -> f64 {
+        let variance_m2 = self.residual_covariance_m2(row, row);
+        let checked = row.weight * variance_m2 > LEAST_CHECKED;
+        if checked { row.misclosure_m.abs() / variance_m2.sqrt() } else { 0.0 }
+    }
+
+    /// Covariance of two residuals: `δᵢⱼ σ² − 1/Σw − gᵢ Q gⱼᵀ`, the second term within a system.
+    fn residual_covariance_m2(&self, a: &Row, b: &Row) -> f64 {
+        let own = if core::ptr::eq(a, b) { 1.0 / a.weight } else { 0.0 };
+        let clock = if a.system == b.system { 1.0 / self.means[a.system].weight } else { 0.0 };
+        own - clock - (self.centred(a).transpose() * self.cofactor * self.centred(b))[0]
+    }
+
+    /// By how much the sum of squares falls without one row (given twice) or two:
+    /// `v_Fᵀ C_FF⁻¹ v_F` with the covariance `C` of the residuals; zero if it cannot be told.
+    fn explained(&self, [i, j]: [usize; 2]) -> f64 {
+        let (a, b) = (&self.rows[i].0, &self.rows[j].0);
+        let (v_a, v_b) = (a.misclosure_m, b.misclosure_m);
+        let (c_aa, c_bb) = (self.residual_covariance_m2(a, a), self.residual_covariance_m2(b, b));
+        if i == j {
+            return self.normalised(a).powi(2);
+        }
+        let c_ab = self.residual_covariance_m2(a, b);
+        let determinant = c_aa * c_bb - c_ab * c_ab;
+        if determinant * a.weight * b.weight < LEAST_CHECKED {
+            return 0.0;
+        }
+        (v_a * v_a * c_bb - 2.0 * v_a * v_b * c_ab + v_b * v_b * c_aa) / determinant
+    }
+
+    /// The fit without one row (given twice) or two; `None` if the others could not show that one
+    /// of them is faulty, or there is no position.
+    fn without(&self, rows: [usize; 2]) -> Option<Self> {
+        let mut fit = self.clone();
+        fit.excluded.extend(rows.map(|row| self.rows[row].1));
+        fit.excluded.dedup();
+        fit.converge().ok()?;
+        (fit.redundancy() > 0).then_some(fit)
+    }
+
+    /// What the excluded satellites' code says against the others, m.
+    fn exclusions(&self) -> Vec<Exclusion> {
+        let antenna_m = Vector::from_xyz(self.position_m);
+        let excluded = self.tracked.iter().filter(|t| self.excluded.contains(&t.satellite));
+        let surroundings = Surroundings::at(antenna_m);
+        let residual = |satellite: &Tracked| {
+            let view = View::new(&satellite.state, antenna_m);
+            let modelled = surroundings.model(satellite, &view, self)?;
+            Some(modelled.pseudorange_m - self.computed_m(satellite, &view, modelled.delay_m))
+        };
+        excluded
+            .map(|t| Exclusion { satellite: t.satellite, residual_m: residual(t).unwrap_or(0.0) })
+            .collect()
+    }
+
+    /// `|xₛ − x| + c δt − c δtₛ + T` with the clock of the satellite's system.
+    fn computed_m(&self, satellite: &Tracked, view: &View, delay_m: f64) -> f64 {
+        view.range_m + self.clocks_m[satellite.satellite.system as usize]
+            - SPEED_OF_LIGHT_MPS * satellite.state.clock_s
+            + delay_m
+    }
+
+    fn solution(&self) -> Result<PointSolution, NoPosition> {
+        let exclusions = self.exclusions();
         let position_m = Vector::from_xyz(self.position_m);
         let horizon = Horizon::at(position_m);
         let sky = self.rows.iter().map(|(row, _)| Vector::from_xyz(row.line_of_sight));
