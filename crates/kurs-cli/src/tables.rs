@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use kurs::signal::SPEED_OF_LIGHT_MPS;
 use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate};
 use kurs::time::GpsTime;
 use nalgebra::Matrix3;
@@ -181,8 +182,10 @@ pub(crate) fn write_attitude(
     t.real(row.ratio, 3);
     t.real(row.residual_rms_m, 5);
     position_columns(t, row.position.as_ref());
-    // Without a position the receiver's clock bias is not known: its tag is all there is.
-    let utc = row.time_utc.unwrap_or_else(|| row.time.utc());
+    // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
+    let bias_s =
+        row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
+    let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
     t.text(&format!("{}Z", utc.iso(7)));
     let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
     for i in 0..4 {
