@@ -28,7 +28,7 @@ bench:
 
 # the figures of the documentation about attitude and baselines
 figures:
-    bench/attitude.sh > docs/experiments/attitude.md
+    bench/attitude.sh > docs/experiments/attitude_methods.md
     cargo run --release -p kurs --example selection_experiments > docs/experiments/selection.md
 
 deny:

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Prints docs/experiments/attitude.md: every figure that the attitude methods, kurs orient and the
+# Prints docs/experiments/attitude_methods.md: every figure that the attitude methods, kurs orient and the
 # choice of baselines are asked for, next to what this machine measures.
 #
-#     bench/attitude.sh > docs/experiments/attitude.md
+#     bench/attitude.sh > docs/experiments/attitude_methods.md
 #
 # Ten minutes on an idle machine. Costs are medians of one run; compare them with each other.
 set -euo pipefail

@@ -209,7 +209,7 @@ fn wrong_input_is_named() {
     }
 }
 
-/// All figures at full length; prints the table of `docs/experiments/attitude.md`.
+/// All figures at full length; prints the table of `docs/experiments/attitude_methods.md`.
 #[test]
 #[ignore = "a minute; for the figures in the documentation"]
 fn every_figure() {
