@@ -23,24 +23,32 @@ pub(crate) fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, Us
     toml::from_str(text).map_err(|error| {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
         let line = text.as_bytes()[..start].iter().filter(|byte| **byte == b'\n').count() + 1;
-        UsageError(format!("{name}:{line}: {}", explain(error.message())))
+        let found = text.lines().nth(line - 1).unwrap_or_default();
+        UsageError(format!("{name}:{line}: {}", explain(error.message(), found)))
     })
 }
 
-/// Turns serde's message about an unknown field into one that names the nearest known key.
-fn explain(message: &str) -> String {
+/// Turns serde's message into one that names the key, and for an unknown key or word the nearest known
+/// one.
+fn explain(message: &str, line: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
-    match (message.starts_with("unknown field"), quoted.next()) {
-        (true, Some(found)) => {
-            let likeness = |key: &&str| strsim::jaro(found, key);
-            let nearest = quoted
-                .filter(|key| likeness(key) > 0.7)
-                .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-            let hint = nearest.map_or_else(String::new, |key| format!(", did you mean `{key}`?"));
-            format!("unknown key `{found}`{hint}")
-        }
-        _ => message.to_owned(),
+    let mut nearest = |found: &str| {
+        let likeness = |known: &&str| strsim::jaro(found, known);
+        let known = quoted.by_ref().skip(1).filter(|known| likeness(known) > 0.7);
+        let nearest = known.max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+        nearest.map_or_else(String::new, |known| format!(", did you mean `{known}`?"))
+    };
+    let first = message.split('`').nth(1).unwrap_or_default();
+    if message.starts_with("unknown field") {
+        return format!("unknown key `{first}`{}", nearest(first));
     }
+    if message.starts_with("missing field") || message.starts_with("duplicate") {
+        return message.to_owned();
+    }
+    let key = line.split_once('=').map_or("", |(key, _)| key.trim());
+    let of_key = if key.is_empty() { String::new() } else { format!(" (key `{key}`)") };
+    let hint = if message.starts_with("unknown variant") { nearest(first) } else { String::new() };
+    format!("{message}{hint}{of_key}")
 }
 
 #[cfg(test)]
@@ -71,5 +79,6 @@ mod tests {
         let text = "bands = []\nelevation_mask_deg = \"ten\"\n";
         let error = parse::<Example>(text, "a.toml").unwrap_err().to_string();
         assert!(error.starts_with("a.toml:2: invalid type: string \"ten\""), "{error}");
+        assert!(error.ends_with("(key `elevation_mask_deg`)"), "{error}");
     }
 }

@@ -1,17 +1,21 @@
-//! A solution laid against the truth of a simulation.
+//! A solution laid against the truth of a simulation: `truth.csv`, and `ambiguities.csv` beside it.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
 use anyhow::Context;
-use kurs::solution::{EpochSolution, Status};
+use kurs::signal::{Satellite, Signal};
+use kurs::solution::{EpochSolution, IntegerSum, Status};
 use kurs::time::GpsTime;
 use nalgebra::Vector3;
+use serde::Deserialize;
 
 /// Names of the three angles in the columns of `truth.csv`.
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
 const AXES: [&str; 3] = ["east", "north", "up"];
+/// Name of the file with the whole cycles.
+const AMBIGUITIES: &str = "ambiguities.csv";
 /// A fixed baseline further off than this and five standard deviations is wrong, m.
 const WRONG_M: f64 = 0.05;
 const WRONG_SIGMAS: f64 = 5.0;
@@ -27,9 +31,31 @@ pub(crate) struct TruthRow {
     baselines_m: Vec<Vector3<f64>>,
 }
 
-/// `truth.csv`, by time tag.
+/// `truth.csv`, by time tag, and the whole cycles of `ambiguities.csv` where that file is.
 #[derive(Debug, Default)]
-pub(crate) struct Truth(BTreeMap<GpsTime, TruthRow>);
+pub(crate) struct Truth {
+    rows: BTreeMap<GpsTime, TruthRow>,
+    cycles: Option<Cycles>,
+}
+
+/// The whole cycles of every phase, each from a time tag on.
+#[derive(Debug, Default)]
+struct Cycles {
+    of_link: BTreeMap<(usize, Satellite, Signal), Vec<(GpsTime, i64)>>,
+    /// Tags of one epoch differ by less than this.
+    half_interval_s: f64,
+}
+
+/// A row of `ambiguities.csv`.
+#[derive(Debug, Deserialize)]
+struct CyclesRow {
+    gps_week: i32,
+    tow_s: f64,
+    antenna: String,
+    satellite: String,
+    signal: String,
+    cycles: i64,
+}
 
 /// How a solution agrees with the truth, over its fixed epochs.
 #[derive(Debug, Clone, Default)]
@@ -77,29 +103,85 @@ impl Truth {
                 .collect();
             rows.insert(time, TruthRow { angles_deg, baselines_m: baselines_m? });
         }
-        Ok(Self(rows))
+        let beside = path.with_file_name(AMBIGUITIES);
+        let cycles =
+            beside.is_file().then(|| Cycles::read(&beside, antennas, &rows)).transpose()?;
+        Ok(Self { rows, cycles })
+    }
+
+    /// Whether an epoch is wrong: one of its integers is, or, without `ambiguities.csv`, a component
+    /// of a baseline is off by more than noise can be.
+    pub(crate) fn is_wrong(&self, row: &EpochSolution, truth: &TruthRow) -> bool {
+        match &self.cycles {
+            Some(cycles) => !row.integers.iter().all(|sum| cycles.confirm(sum, row.time)),
+            None => is_off(row, truth),
+        }
+    }
+
+    /// What makes an epoch wrong, in words.
+    pub(crate) fn criterion(&self) -> &'static str {
+        if self.cycles.is_some() { "wrong (any integer)" } else { "wrong (any baseline)" }
     }
 
     /// The truth of an epoch.
     pub(crate) fn at(&self, time: GpsTime) -> Option<&TruthRow> {
-        let near = self.0.range(time + -SAME_EPOCH_S..=time + SAME_EPOCH_S);
+        let near = self.rows.range(time + -SAME_EPOCH_S..=time + SAME_EPOCH_S);
         near.map(|(_, row)| row).next()
+    }
+}
+
+impl Cycles {
+    fn read(
+        path: &Path,
+        antennas: &[String],
+        epochs: &BTreeMap<GpsTime, TruthRow>,
+    ) -> anyhow::Result<Self> {
+        let context = || path.display().to_string();
+        let mut times = epochs.keys();
+        let (first, second) = (times.next(), times.next());
+        let interval_s = first.zip(second).map_or(SAME_EPOCH_S, |(one, next)| *next - *one);
+        let mut cycles = Self { half_interval_s: interval_s / 2.0, ..Self::default() };
+        let mut reader = csv::Reader::from_path(path).with_context(context)?;
+        for row in reader.deserialize() {
+            let row: CyclesRow = row.with_context(context)?;
+            let Some(antenna) = antennas.iter().position(|name| *name == row.antenna) else {
+                continue;
+            };
+            let time = GpsTime::from_week_tow(row.gps_week, row.tow_s).with_context(context)?;
+            let satellite =
+                row.satellite.parse().map_err(anyhow::Error::msg).with_context(context)?;
+            let signal = row.signal.parse().map_err(anyhow::Error::msg).with_context(context)?;
+            let of_link = cycles.of_link.entry((antenna, satellite, signal)).or_default();
+            of_link.push((time, row.cycles));
+        }
+        Ok(cycles)
+    }
+
+    /// Whether a sum of whole cycles is the true one at an epoch.
+    fn confirm(&self, sum: &IntegerSum, time: GpsTime) -> bool {
+        let end = time + self.half_interval_s;
+        let terms = sum.links.iter().map(|(antenna, satellite, signal, sign)| {
+            let changes = self.of_link.get(&(*antenna, *satellite, *signal))?;
+            let last = changes.iter().rev().find(|(since, _)| *since <= end)?;
+            Some(sign * last.1)
+        });
+        terms.sum::<Option<i64>>() == Some(sum.cycles)
     }
 }
 
 impl Agreement {
     /// Takes one epoch into account; only fixed ones count.
-    pub(crate) fn add(&mut self, row: &EpochSolution, truth: &TruthRow) {
+    pub(crate) fn add(&mut self, row: &EpochSolution, known: &TruthRow, truth: &Truth) {
         if row.status != Status::Fixed {
             return;
         }
         self.fixed += 1;
-        self.wrong += u64::from(is_wrong(row, truth));
+        self.wrong += u64::from(truth.is_wrong(row, known));
         let Some(attitude) = &row.attitude else { return };
         let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
         for (k, angle) in angles.iter().enumerate() {
             let Some(angle_rad) = angle else { continue };
-            let error_deg = difference_deg(angle_rad.to_degrees(), truth.angles_deg[k]);
+            let error_deg = difference_deg(angle_rad.to_degrees(), known.angles_deg[k]);
             let sd_deg = attitude.covariance_rad2[(k, k)].sqrt().to_degrees();
             let (count, squares, normalised) = &mut self.angles[k];
             *count += 1;
@@ -108,11 +190,11 @@ impl Agreement {
         }
     }
 
-    /// A small table: what was found, under which name.
-    pub(crate) fn rows(&self) -> Vec<[String; 2]> {
+    /// A small table: what was found, under which name; `criterion` says what makes an epoch wrong.
+    pub(crate) fn rows(&self, criterion: &str) -> Vec<[String; 2]> {
         let mut rows = vec![
             ["fixed".to_owned(), self.fixed.to_string()],
-            ["wrong".to_owned(), self.wrong.to_string()],
+            [criterion.to_owned(), self.wrong.to_string()],
         ];
         for (name, (count, squares, normalised)) in
             ["heading", "pitch", "roll"].iter().zip(self.angles)
@@ -128,7 +210,7 @@ impl Agreement {
 }
 
 /// Whether any component of a fixed baseline is off by more than noise can be.
-fn is_wrong(row: &EpochSolution, truth: &TruthRow) -> bool {
+fn is_off(row: &EpochSolution, truth: &TruthRow) -> bool {
     row.baselines.iter().filter(|baseline| baseline.base == 0).any(|baseline| {
         let Some(wanted) = baseline.rover.checked_sub(1).and_then(|k| truth.baselines_m.get(k))
         else {
@@ -176,7 +258,36 @@ mod tests {
             [(1.01, 0.003, false), (1.06, 0.003, true), (1.06, 0.02, false)]
         {
             row.baselines = vec![with(east_m, sd_m)];
-            assert_eq!(is_wrong(&row, &truth), wrong, "{east_m} {sd_m}");
+            assert_eq!(is_off(&row, &truth), wrong, "{east_m} {sd_m}");
+        }
+    }
+
+    /// A sum of cycles is confirmed by the values in force at its epoch: slips count from their tag on.
+    #[test]
+    fn integers_are_laid_against_the_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let truth_file = folder.path().join("truth.csv");
+        let header = "gps_week,tow_s,heading_deg,pitch_deg,roll_deg,A1_east_m,A1_north_m,A1_up_m";
+        let rows = (0..3).map(|k| format!("2305,{k}.0,0,0,0,1,0,0\n")).collect::<String>();
+        std::fs::write(&truth_file, format!("{header}\n{rows}")).unwrap();
+        let antennas = ["A0", "A1"].map(str::to_owned);
+        let without = Truth::read(&truth_file, &antennas).unwrap();
+        assert_eq!(without.criterion(), "wrong (any baseline)");
+
+        let table = "gps_week,tow_s,antenna,satellite,signal,cycles,slip_cycles,flagged\n\
+            2305,0.0,A0,G01,G1C,100,,false\n2305,0.0,A1,G01,G1C,30,,false\n\
+            2305,1.2,A1,G01,G1C,35,5,false\n2305,0.0,B9,G01,G1C,7,,false\n";
+        std::fs::write(folder.path().join(AMBIGUITIES), table).unwrap();
+        let truth = Truth::read(&truth_file, &antennas).unwrap();
+        assert_eq!(truth.criterion(), "wrong (any integer)");
+        let (satellite, signal) = ("G01".parse().unwrap(), "G1C".parse().unwrap());
+        let links = vec![(1, satellite, signal, 1), (0, satellite, signal, -1)];
+        for (tow_s, cycles, wrong) in [(0.0, -70, false), (1.0, -70, true), (1.0, -65, false)] {
+            let time = GpsTime::from_week_tow(2305, tow_s).unwrap();
+            let mut row = EpochSolution::lost(time, Reason::Ratio);
+            row.integers = vec![IntegerSum { links: links.clone(), cycles }];
+            let known = truth.at(time).unwrap();
+            assert_eq!(truth.is_wrong(&row, known), wrong, "{tow_s} {cycles}");
         }
     }
 }

@@ -100,7 +100,7 @@ fn draw_track(points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
         .build_cartesian_2d(east, north)?;
     chart.configure_mesh().x_desc("east, m").y_desc("north, m").light_line_style(WHITE).draw()?;
     draw_both(&mut chart, ground(0).collect(), ground(1).collect())?;
-    legend(&mut chart)?;
+    legend(&mut chart, SeriesLabelPosition::LowerRight)?;
     area.present()?;
     Ok(())
 }
@@ -125,7 +125,7 @@ fn draw_angles(points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
         chart.configure_mesh().x_desc("time, s").y_desc(name).light_line_style(WHITE).draw()?;
         let over_time = |k: usize| points.iter().map(|p| (p.time_s, angle(p)[k])).collect();
         draw_both(&mut chart, over_time(0), over_time(1))?;
-        legend(&mut chart)?;
+        legend(&mut chart, SeriesLabelPosition::LowerMiddle)?;
     }
     area.present()?;
     Ok(())
@@ -158,8 +158,12 @@ fn draw_both(
     Ok(())
 }
 
-fn legend(chart: &mut Chart<'_>) -> Result<(), Box<dyn std::error::Error>> {
-    chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
+fn legend(
+    chart: &mut Chart<'_>,
+    place: SeriesLabelPosition,
+) -> Result<(), Box<dyn std::error::Error>> {
+    let mut labels = chart.configure_series_labels();
+    labels.position(place).background_style(WHITE).border_style(BLACK).draw()?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! The ready scenarios solved whole, with several seeds: what is fixed, what is wrong, how large the
 //! errors are against the bound. Table of `docs/experiments/scenarios.md`.
 //!
-//! `cargo run --release -p kurs-sim --example scenarios [SEEDS]`
+//! `cargo run --release -p kurs-sim --example scenarios [SEEDS [NAME]]`
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 #[path = "../tests/solving/bound.rs"]
@@ -15,10 +15,12 @@ use solving::{Tally, settings};
 
 fn main() {
     let seeds: u64 = std::env::args().nth(1).map_or(5, |count| count.parse().expect("seeds"));
+    let wanted = std::env::args().nth(2);
+    let is_wanted = |name: &&str| wanted.as_ref().is_none_or(|wanted| wanted == name);
     println!("{seeds} seeds; RMS of heading, pitch, roll in degrees\n");
     println!("| scenario | epochs | fixed | wrong | heading | pitch | roll | (error/σ)² of 3 |");
     println!("|---|---|---|---|---|---|---|---|");
-    for name in ["roof-static", "car", "ship", "uav"] {
+    for name in ["roof-static", "car", "ship", "uav"].into_iter().filter(is_wanted) {
         let mut all = Tally::default();
         for seed in 0..seeds {
             let mut scenario = solving::ready(name);

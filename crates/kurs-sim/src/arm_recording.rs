@@ -12,7 +12,7 @@ use crate::motion::RecordedPose;
 use crate::noise::Noise;
 use crate::rotating_arm::{ArmScenario, ArmTruth};
 use crate::scenario::{
-    Antenna, Atmosphere, Body, Law, MotionPlan, Multipath, NoiseLaw, Place, RandomSlips,
+    Antenna, Atmosphere, Body, Law, MotionPlan, Multipath, NoiseLaw, Output, Place, RandomSlips,
     ReceiverClocks, Scenario, Sky,
 };
 use crate::simulation::{Attachments, ScenarioError, SimulatedEpoch, Simulation};
@@ -234,5 +234,6 @@ fn scenario(plan: &ArmRecordingPlan) -> Scenario {
         interference: Vec::new(),
         slip: Vec::new(),
         bias: Vec::new(),
+        output: Output::default(),
     }
 }

@@ -6,9 +6,11 @@
 #![forbid(unsafe_code)]
 
 pub mod arm_recording;
+mod check;
 mod disturbance;
 pub mod inertial;
 pub mod motion;
+mod motion_table;
 pub mod noise;
 pub mod nominal_orbits;
 mod propagation;

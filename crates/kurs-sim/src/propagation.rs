@@ -2,6 +2,7 @@
 
 use core::f64::consts::TAU;
 
+use kurs::ephemeris::Klobuchar;
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::signal::SPEED_OF_LIGHT_MPS;
 use nalgebra::{Matrix3, Vector3};
@@ -85,6 +86,16 @@ pub(crate) fn ionosphere_m(zenith_m: f64, sin_elevation: f64) -> f64 {
     zenith_m / (1.0 - ratio * ratio * cos_squared).sqrt()
 }
 
+/// Parameters that a satellite broadcasts for such a shell: night and day alike, which a period longer
+/// than any that is really sent (one year) makes of Klobuchar's cosine. His model has no less than
+/// 5 ns at the zenith.
+pub(crate) fn broadcast_ionosphere(zenith_m: f64) -> Klobuchar {
+    const NIGHT_S: f64 = 5e-9;
+    const YEAR_S: f64 = 3.2e7;
+    let day_s = (zenith_m / SPEED_OF_LIGHT_MPS - NIGHT_S).max(0.0);
+    Klobuchar { alpha: [day_s, 0.0, 0.0, 0.0], beta: [YEAR_S, 0.0, 0.0, 0.0] }
+}
+
 /// Phase, in cycles, that right-handed circular polarisation adds as antennas turn, continued from
 /// `previous_cycles`.
 ///
@@ -139,6 +150,25 @@ mod tests {
         }
         let gained = cycles - first.unwrap();
         assert!((gained.abs() - 1.0).abs() < 1e-9, "{gained}");
+    }
+
+    /// Klobuchar's model with the broadcast parameters says what the shell does, within the
+    /// difference of their mappings.
+    #[test]
+    fn broadcast_parameters_belong_to_the_shell() {
+        use kurs::atmosphere::klobuchar_m;
+        let antenna = kurs::frames::Geodetic::from_degrees(55.0, 37.0, 200.0);
+        let Klobuchar { alpha, beta } = broadcast_ionosphere(4.5);
+        for hour in 0..24 {
+            let time = kurs::time::GpsTime::from_week_tow(2305, 3600.0 * f64::from(hour)).unwrap();
+            for elevation_deg in [10.0, 20.0, 45.0, 90.0] {
+                let elevation_rad = f64::to_radians(elevation_deg);
+                let direction = kurs::sky::Direction { azimuth_rad: 1.0, elevation_rad };
+                let modelled_m = klobuchar_m(&alpha, &beta, &antenna, &direction, time);
+                let true_m = ionosphere_m(4.5, elevation_rad.sin());
+                assert!((modelled_m / true_m - 1.0).abs() < 0.06, "{hour} h {elevation_deg}°");
+            }
+        }
     }
 
     #[test]

@@ -3,6 +3,8 @@
 
 use serde::Deserialize;
 
+use crate::motion_table::MotionTable;
+
 /// A whole scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -54,6 +56,35 @@ pub struct Scenario {
     /// Constant offsets of an antenna's observations.
     #[serde(default)]
     pub bias: Vec<Bias>,
+    /// Files that are written.
+    #[serde(default)]
+    pub output: Output,
+}
+
+/// Files that are written beside the truth.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// Formats of the observations, each in files of its own; the written configuration names
+    /// those of the first.
+    pub formats: Vec<ObservationFormat>,
+}
+
+/// A format of observation files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum ObservationFormat {
+    /// RINEX 3.05.
+    #[serde(rename = "rinex")]
+    Rinex,
+    /// The same, packed.
+    #[serde(rename = "rinex.gz")]
+    RinexGzip,
+    /// CRINEX 3.0.
+    #[serde(rename = "crinex")]
+    Crinex,
+    /// The same, packed.
+    #[serde(rename = "crinex.gz")]
+    CrinexGzip,
 }
 
 /// Which satellites there are and what hides them.
@@ -219,7 +250,7 @@ pub struct Place {
 
 /// What a body does; each kind has keys of its own.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(try_from = "MotionTable")]
 pub enum MotionPlan {
     /// It stands still.
     Static {
@@ -228,10 +259,8 @@ pub enum MotionPlan {
         /// Clockwise from north.
         heading_deg: f64,
         /// Nose up.
-        #[serde(default)]
         pitch_deg: f64,
         /// Right side down.
-        #[serde(default)]
         roll_deg: f64,
     },
     /// It drives through way points on a level plane, leaning in turns.
@@ -243,16 +272,12 @@ pub enum MotionPlan {
         /// Speed after the start from rest.
         speed_mps: f64,
         /// It stands so long at first.
-        #[serde(default)]
         wait_s: f64,
         /// Acceleration from rest.
-        #[serde(default = "default_acceleration")]
         acceleration_mps2: f64,
         /// Radius of the arcs that round the corners.
-        #[serde(default = "default_turn_radius")]
         turn_radius_m: f64,
         /// Body roll, away from the turn, for each m/s² of lateral acceleration.
-        #[serde(default = "default_lean")]
         lean_deg_per_mps2: f64,
     },
     /// It keeps its course through a swell.
@@ -270,10 +295,8 @@ pub enum MotionPlan {
         /// RMS of pitch.
         pitch_rms_deg: f64,
         /// RMS of heading about its mean.
-        #[serde(default)]
         yaw_rms_deg: f64,
         /// RMS of the vertical motion.
-        #[serde(default)]
         heave_rms_m: f64,
     },
     /// It circles and shakes.
@@ -298,16 +321,12 @@ pub enum MotionPlan {
         /// Longitude of the ascending node at the start.
         node_deg: f64,
         /// Angle from the node at the start.
-        #[serde(default)]
         latitude_argument_deg: f64,
         /// Heading against the direction of motion.
-        #[serde(default)]
         yaw_deg: f64,
         /// Nose up.
-        #[serde(default)]
         pitch_deg: f64,
         /// Right side down.
-        #[serde(default)]
         roll_deg: f64,
     },
     /// As a table says: CSV with `time_s` (from the start), `latitude_deg`, `longitude_deg`,
@@ -405,6 +424,12 @@ pub enum BeiDouOrbit {
     Meo,
 }
 
+impl Default for Output {
+    fn default() -> Self {
+        Self { formats: vec![ObservationFormat::Rinex] }
+    }
+}
+
 impl Default for Sky {
     fn default() -> Self {
         Self {
@@ -458,18 +483,6 @@ impl Default for Atmosphere {
 
 const fn one() -> u64 {
     1
-}
-
-const fn default_acceleration() -> f64 {
-    2.0
-}
-
-const fn default_turn_radius() -> f64 {
-    12.0
-}
-
-const fn default_lean() -> f64 {
-    0.6
 }
 
 fn default_signals() -> Vec<String> {

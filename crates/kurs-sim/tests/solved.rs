@@ -34,6 +34,24 @@ fn the_same_seed_gives_the_same_observations() {
     }
 }
 
+/// Four simulations at once, each in a thread of its own, give the same bits as one alone.
+#[test]
+fn threads_do_not_change_observations() {
+    let run = || {
+        let (mut simulation, mut epoch) = (car(5), SimulatedEpoch::default());
+        let epochs =
+            core::iter::from_fn(|| simulation.next_epoch(&mut epoch).then(|| epoch.clone()));
+        epochs.take(20).collect::<Vec<_>>()
+    };
+    let alone = run();
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(run)).collect();
+        for thread in threads {
+            assert_eq!(thread.join().unwrap(), alone);
+        }
+    });
+}
+
 /// Every epoch of the car is fixed, none is wrong, and the errors of the angles are as large as
 /// the covariance says: mean NEES of three angles over 151 epochs, 99.9 % band 3 ± 0.66.
 #[test]

@@ -1,6 +1,7 @@
 //! `report.html`: one self-contained page that shows how a run went.
 
 mod plots;
+mod residuals;
 mod thinning;
 
 use std::path::Path;
@@ -12,6 +13,7 @@ use kurs::time::GpsTime;
 
 use crate::page::Page;
 use crate::truth::TruthRow;
+use residuals::Residuals;
 use thinning::Thinned;
 
 /// What the plots need of one epoch.
@@ -42,6 +44,7 @@ pub(crate) struct Report {
     known_lengths_m: Vec<Option<f64>>,
     first: Option<GpsTime>,
     samples: Thinned,
+    residuals: Residuals,
 }
 
 /// What stands beside the plots.
@@ -63,12 +66,19 @@ impl Report {
         let first = positions_m.first().copied().flatten();
         let known_lengths_m =
             positions_m.iter().skip(1).map(|p| Some(distance(first?, (*p)?))).collect();
-        Self { antennas, known_lengths_m, first: None, samples: Thinned::default() }
+        Self {
+            antennas,
+            known_lengths_m,
+            first: None,
+            samples: Thinned::default(),
+            residuals: Residuals::default(),
+        }
     }
 
     /// Takes an epoch in.
     pub(crate) fn add(&mut self, row: &EpochSolution, truth: Option<&TruthRow>) {
         let first = *self.first.get_or_insert(row.time);
+        self.residuals.add(&row.residuals);
         let attitude = row.attitude.as_ref();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
         let sd = |k| attitude.map_or(0.0, |a| a.covariance_rad2[(k, k)].sqrt().to_degrees());
@@ -132,13 +142,18 @@ impl Report {
                 known_m,
             ));
         }
-        page.heading("Phase residuals");
+        page.heading("Residuals");
         page.plot(&plots::residuals(samples));
+        let by_signal = self.residuals.by_signal();
+        if !by_signal.is_empty() {
+            page.plot(&plots::phase_residuals(&by_signal));
+            page.plot(&plots::code_residuals(&by_signal));
+        }
         page.heading("Satellites and success rate");
         page.plot(&plots::satellites(samples));
         page.plot(&plots::success_rate(samples));
         page.heading("Sky");
-        page.square_plot(&plots::sky(samples, words.ephemerides));
+        page.square_plot(&plots::sky(samples, words.ephemerides, &self.residuals));
         page.heading("Track");
         page.square_plot(&plots::track(samples));
         page.heading("Configuration in force");

@@ -8,11 +8,14 @@ use kurs::signal::{Satellite, System};
 use kurs::sky::Horizon;
 use kurs::solution::Status;
 use kurs::time::GpsTime;
-use plotly::common::{Fill, Line, Marker, Mode, Title};
-use plotly::layout::{Axis, Legend, Margin};
+use plotly::common::{
+    ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode, Title,
+};
+use plotly::layout::{Axis, AxisType, CategoryOrder, Legend, Margin, RangeMode};
 use plotly::{Configuration, Layout, Plot, Scatter};
 
 use super::Sample;
+use super::residuals::{OfCell, OfSignal, Residuals};
 use crate::truth::difference_deg;
 
 const BLUE: &str = "#0072B2";
@@ -22,6 +25,8 @@ const VERMILION: &str = "#D55E00";
 const GREY: &str = "#888888";
 const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
+/// Residuals from here on have the last colour of the scale.
+const LARGEST_COLOUR_MM: f64 = 8.0;
 /// Times at which the sky is drawn.
 const SKY_INSTANTS: usize = 60;
 
@@ -101,6 +106,54 @@ pub(super) fn residuals(samples: &[Sample]) -> Plot {
     plot
 }
 
+/// RMS phase residual of every satellite, a mark for each signal.
+pub(super) fn phase_residuals(signals: &[OfSignal]) -> Plot {
+    by_satellite("phase, RMS, mm", signals, |of_signal| (&of_signal.phase_m, 1e3))
+}
+
+/// RMS code residual of every satellite, a mark for each signal.
+pub(super) fn code_residuals(signals: &[OfSignal]) -> Plot {
+    by_satellite("code, RMS, m", signals, |of_signal| (&of_signal.code_m, 1.0))
+}
+
+fn by_satellite(
+    title: &str,
+    signals: &[OfSignal],
+    values: impl Fn(&OfSignal) -> (&Vec<(Satellite, f64)>, f64),
+) -> Plot {
+    const SYMBOLS: [MarkerSymbol; 4] =
+        [MarkerSymbol::Circle, MarkerSymbol::Square, MarkerSymbol::Diamond, MarkerSymbol::Cross];
+    let mut plot = with_layout(
+        Layout::new()
+            .x_axis(
+                Axis::new()
+                    .type_(AxisType::Category)
+                    .category_order(CategoryOrder::CategoryAscending),
+            )
+            .y_axis(
+                Axis::new()
+                    .title(Title::with_text(title))
+                    .auto_margin(true)
+                    .range_mode(RangeMode::ToZero),
+            ),
+    );
+    let (mut system, mut of_system) = (None, 0);
+    for of_signal in signals {
+        // Colours tell systems apart, shapes the signals of one system.
+        let own = of_signal.signal.band.system;
+        of_system = if system == Some(own) { of_system + 1 } else { 0 };
+        system = Some(own);
+        let (rms, factor) = values(of_signal);
+        let names: Vec<String> = rms.iter().map(|(satellite, _)| satellite.to_string()).collect();
+        let heights: Vec<f64> = rms.iter().map(|(_, rms)| rounded(rms * factor)).collect();
+        let symbol = SYMBOLS[of_system % SYMBOLS.len()].clone();
+        let marker = Marker::new().color(colour_of(own)).symbol(symbol).size(8);
+        let name = of_signal.signal.to_string();
+        plot.add_trace(Scatter::new(names, heights).mode(Mode::Markers).marker(marker).name(name));
+    }
+    plot
+}
+
 /// How many satellites take part.
 pub(super) fn satellites(samples: &[Sample]) -> Plot {
     let mut plot = over_time("satellites");
@@ -117,8 +170,9 @@ pub(super) fn success_rate(samples: &[Sample]) -> Plot {
     plot
 }
 
-/// Paths of the satellites above the horizon: zenith in the middle, north up.
-pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
+/// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
+/// their residuals, and the paths of the others.
+pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
     let mut plot = square("", "");
     for elevation_deg in [0.0, 30.0, 60.0] {
         let circle: Vec<(f64, f64)> = (0..=72)
@@ -131,6 +185,13 @@ pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
             Scatter::new(x, y).mode(Mode::Lines).line(line).name(name).show_legend(false),
         );
     }
+    add_paths(&mut plot, samples, ephemerides);
+    add_cells(&mut plot, residuals);
+    plot
+}
+
+/// Paths of all satellites, by the orbits.
+fn add_paths(plot: &mut Plot, samples: &[Sample], ephemerides: &EphemerisStore) {
     let places: Vec<(GpsTime, Vector<Ecef>)> = {
         let step = samples.len().div_ceil(SKY_INSTANTS).max(1);
         let chosen = samples.iter().step_by(step);
@@ -138,33 +199,58 @@ pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore) -> Plot {
     };
     let mut known: Vec<Satellite> = ephemerides.iter().map(Ephemeris::satellite).collect();
     known.dedup();
-    for system in System::ALL {
-        let (mut x, mut y, mut names) = (Vec::new(), Vec::new(), Vec::new());
-        for satellite in known.iter().filter(|satellite| satellite.system == system) {
-            for (time, place_m) in &places {
-                let Ok(state) = ephemerides.state(*satellite, *time) else { continue };
-                let line_of_sight = (state.position_m - *place_m).direction();
-                let direction = Horizon::at(*place_m).direction(line_of_sight);
-                if direction.elevation_rad > 0.0 {
-                    let (east, north) = on_disc(direction.azimuth_rad, direction.elevation_rad);
-                    x.push(east);
-                    y.push(north);
-                    names.push(satellite.to_string());
-                }
+    let (mut x, mut y, mut names) = (Vec::new(), Vec::new(), Vec::new());
+    for satellite in known {
+        for (time, place_m) in &places {
+            let Ok(state) = ephemerides.state(satellite, *time) else { continue };
+            let line_of_sight = (state.position_m - *place_m).direction();
+            let direction = Horizon::at(*place_m).direction(line_of_sight);
+            if direction.elevation_rad > 0.0 {
+                let (east, north) = on_disc(direction.azimuth_rad, direction.elevation_rad);
+                x.push(rounded(east));
+                y.push(rounded(north));
+                names.push(satellite.to_string());
             }
         }
-        if !x.is_empty() {
-            let marker = Marker::new().color(colour_of(system)).size(5);
-            plot.add_trace(
-                Scatter::new(x, y)
-                    .mode(Mode::Markers)
-                    .marker(marker)
-                    .name(system.to_string())
-                    .hover_text_array(names),
-            );
-        }
     }
-    plot
+    let marker = Marker::new().color(GREY).size(3);
+    let paths = Scatter::new(x, y).mode(Mode::Markers).marker(marker).hover_text_array(names);
+    plot.add_trace(paths.name("in orbit").show_legend(false));
+}
+
+/// Where phases were used: the shape tells the system, the colour the residual.
+fn add_cells(plot: &mut Plot, residuals: &Residuals) {
+    let mut has_scale = false;
+    for system in System::ALL {
+        let cells = residuals.by_cell(system);
+        if cells.is_empty() {
+            continue;
+        }
+        let place = |cell: &OfCell| on_disc(cell.azimuth_rad, cell.elevation_rad);
+        let (x, y): (Vec<f64>, Vec<f64>) =
+            cells.iter().map(place).map(|(east, north)| (rounded(east), rounded(north))).unzip();
+        let millimetres: Vec<f64> = cells.iter().map(|cell| rounded(cell.phase_m * 1e3)).collect();
+        let words = |(cell, mm): (&OfCell, &f64)| format!("{} {mm:.1} mm", cell.satellite);
+        let names: Vec<String> = cells.iter().zip(&millimetres).map(words).collect();
+        let bar = ColorBar::new().title("phase residual, mm").thickness(12);
+        let marker = Marker::new()
+            .color_array(millimetres)
+            .cmin(0.0)
+            .cmax(LARGEST_COLOUR_MM)
+            .color_scale(ColorScale::Palette(ColorScalePalette::Cividis))
+            .color_bar(bar)
+            .show_scale(!has_scale)
+            .symbol(symbol_of(system))
+            .size(9);
+        has_scale = true;
+        plot.add_trace(
+            Scatter::new(x, y)
+                .mode(Mode::Markers)
+                .marker(marker)
+                .name(system.to_string())
+                .hover_text_array(names),
+        );
+    }
 }
 
 /// The way in metres from the first place.
@@ -193,6 +279,18 @@ const fn colour_of(system: System) -> &'static str {
         System::Qzss => "#CC79A7",
         System::NavIc => "#56B4E9",
         System::Sbas => GREY,
+    }
+}
+
+const fn symbol_of(system: System) -> MarkerSymbol {
+    match system {
+        System::Gps => MarkerSymbol::Circle,
+        System::Galileo => MarkerSymbol::Square,
+        System::BeiDou => MarkerSymbol::Diamond,
+        System::Glonass => MarkerSymbol::Cross,
+        System::Qzss => MarkerSymbol::TriangleUp,
+        System::NavIc => MarkerSymbol::TriangleDown,
+        System::Sbas => MarkerSymbol::Star,
     }
 }
 

@@ -1,5 +1,8 @@
 //! `kurs simulate`: a scenario in, observation and navigation files with the truth out.
 
+#[cfg(test)]
+mod every_key;
+mod observation_files;
 mod scenario_file;
 mod truth_tables;
 
@@ -8,15 +11,15 @@ use std::process::ExitCode;
 
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::signal::Signal;
-use kurs_formats::rinex::{ObservationFileHeader, ObservationWriter, write_navigation};
+use kurs_formats::rinex::{ObservationFileHeader, write_navigation};
 use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
 use crate::failure::UsageError;
 use crate::output::OutputFile;
 use crate::progress::Progress;
-use truth_tables::{AmbiguityTable, TruthTable};
-
+use observation_files::{ObservationFiles, file_name};
 use scenario_file::load;
+use truth_tables::{AmbiguityTable, TruthTable};
 
 /// Name of the navigation file.
 const NAVIGATION: &str = "nav.rnx";
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 #[derive(Default)]
 struct Files {
     /// Of all bodies in turn, then of the station.
-    antennas: Vec<ObservationWriter<OutputFile>>,
+    antennas: Vec<ObservationFiles>,
     truth: Vec<TruthTable>,
     ambiguities: Option<AmbiguityTable>,
 }
@@ -87,8 +90,7 @@ impl Files {
         let scenario = simulation.scenario();
         let mut files = Self::default();
         let create = |name: &str, header: &ObservationFileHeader| {
-            let output = OutputFile::create(directory, &format!("{name}.rnx"))?;
-            anyhow::Ok(ObservationWriter::new(output, header)?)
+            ObservationFiles::create(directory, name, &scenario.output.formats, header)
         };
         for (index, (body, made)) in scenario.body.iter().zip(&first.bodies).enumerate() {
             for (antenna, observed) in body.antenna.iter().zip(&made.observed.antennas) {
@@ -111,9 +113,9 @@ impl Files {
     fn write(&mut self, epoch: &SimulatedEpoch) -> anyhow::Result<()> {
         let of_bodies =
             epoch.bodies.iter().flat_map(|body| body.observed.antennas.iter().flatten());
-        for (writer, observed) in self.antennas.iter_mut().zip(of_bodies.chain(&epoch.station)) {
+        for (files, observed) in self.antennas.iter_mut().zip(of_bodies.chain(&epoch.station)) {
             if !observed.observations.is_empty() {
-                writer.write(observed)?;
+                files.write(observed)?;
             }
         }
         for (table, body) in self.truth.iter_mut().zip(&epoch.bodies) {
@@ -123,8 +125,8 @@ impl Files {
     }
 
     fn finish(self) -> anyhow::Result<()> {
-        for writer in self.antennas {
-            writer.finish()?.finish()?;
+        for files in self.antennas {
+            files.finish()?;
         }
         for table in self.truth {
             table.finish()?;
@@ -172,21 +174,20 @@ fn of_body(word: &str, index: usize, body: &kurs_sim::scenario::Body) -> String 
 /// A configuration of `kurs solve` for every body with two antennas.
 fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Result<()> {
     use std::io::Write as _;
-    for (index, body) in simulation.scenario().body.iter().enumerate() {
+    let scenario = simulation.scenario();
+    let Some(format) = scenario.output.formats.first() else { return Ok(()) };
+    for (index, body) in scenario.body.iter().enumerate() {
         if body.antenna.len() < 2 {
             continue;
         }
         let mut file =
             OutputFile::create(directory, &format!("{}.toml", of_body("kurs", index, body)))?;
         for antenna in &body.antenna {
-            let [x, y, z] = antenna.position_m;
-            writeln!(file, "[[antenna]]\nname = \"{0}\"\nobs = [\"{0}.rnx\"]", antenna.name)?;
-            writeln!(file, "position_m = [{x:?}, {y:?}, {z:?}]\n")?;
+            writeln!(file, "[[antenna]]\nname = {:?}", antenna.name)?;
+            writeln!(file, "obs = [{:?}]", file_name(&antenna.name, *format))?;
+            writeln!(file, "position_m = {:?}\n", antenna.position_m)?;
         }
-        writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]\n\n[solve]")?;
-        if body.antenna.len() > 2 {
-            writeln!(file, "constraint = \"none\"")?;
-        }
+        writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]")?;
         file.finish()?;
     }
     Ok(())

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// Writes report.html: plots of the whole run on one page that needs no network.
     #[arg(long)]
     report: bool,
-    /// Compares with the truth.csv of a simulation.
+    /// Compares with the truth.csv of a simulation, and the ambiguities.csv beside it.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// Prints every key in force and where its value comes from, and stops.
@@ -104,7 +104,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
     let loaded = config::load(args.config.as_deref(), &overrides)?;
-    let settings = Settings { residuals: args.report, ..loaded.settings()? };
+    let settings =
+        Settings { residuals: args.report || args.truth.is_some(), ..loaded.settings()? };
     if args.explain {
         print!("{}", loaded.explain());
         return Ok(ExitCode::SUCCESS);

@@ -35,7 +35,7 @@ impl Review {
         if let Some((truth, agreement)) = &mut self.truth {
             known = truth.at(row.time);
             if let Some(known) = known {
-                agreement.add(row, known);
+                agreement.add(row, known, truth);
             }
         }
         if let Some((report, _)) = &mut self.report {
@@ -66,6 +66,8 @@ impl Review {
     }
 
     fn agreement(&self) -> Vec<[String; 2]> {
-        self.truth.as_ref().map_or_else(Vec::new, |(_, agreement)| agreement.rows())
+        self.truth
+            .as_ref()
+            .map_or_else(Vec::new, |(truth, agreement)| agreement.rows(truth.criterion()))
     }
 }

@@ -7,8 +7,10 @@
 pub(crate) mod fields;
 pub(crate) mod navigation;
 pub mod observation;
+mod write_compact;
 mod write_navigation;
 mod write_observation;
 
+pub use write_compact::CompactWriter;
 pub use write_navigation::write_navigation;
 pub use write_observation::{ObservationFileHeader, ObservationWriter};

@@ -86,6 +86,7 @@ fn phase_sd_m(
     let noise = &simulation.scenario().noise;
     let growth = match noise.law {
         Law::Elevation => (1.0 / sin_elevation).min(3.5),
+        Law::Mixed => (0.5 * (1.0 + sin_elevation.powi(-2))).sqrt(),
         other => panic!("{other:?} has no bound here"),
     };
     let channel = simulation.navigation().ephemerides.glonass_channel(satellite);

@@ -1,0 +1,97 @@
+//! The observation files of a simulation, in every format that the scenario asks for.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use kurs::observation::AntennaEpoch;
+use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
+use kurs_sim::scenario::ObservationFormat;
+
+use crate::output::OutputFile;
+
+/// The file of an antenna.
+pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
+    let ending = match format {
+        ObservationFormat::Rinex => "rnx",
+        ObservationFormat::RinexGzip => "rnx.gz",
+        ObservationFormat::Crinex => "crx",
+        ObservationFormat::CrinexGzip => "crx.gz",
+    };
+    format!("{antenna}.{ending}")
+}
+
+/// All files of one antenna.
+pub(super) struct ObservationFiles(Vec<ObservationWriter<Text>>);
+
+impl ObservationFiles {
+    pub(super) fn create(
+        directory: &Path,
+        antenna: &str,
+        formats: &[ObservationFormat],
+        header: &ObservationFileHeader,
+    ) -> anyhow::Result<Self> {
+        let open = |format: &ObservationFormat| {
+            let file = OutputFile::create(directory, &file_name(antenna, *format))?;
+            let packed = |file| GzEncoder::new(file, Compression::default());
+            let text = match format {
+                ObservationFormat::Rinex => Text::Plain(file),
+                ObservationFormat::RinexGzip => Text::Packed(packed(file)),
+                ObservationFormat::Crinex => Text::Compact(CompactWriter::new(file, header.first)?),
+                ObservationFormat::CrinexGzip => {
+                    Text::CompactPacked(CompactWriter::new(packed(file), header.first)?)
+                }
+            };
+            Ok(ObservationWriter::new(text, header)?)
+        };
+        formats.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
+    }
+
+    pub(super) fn write(&mut self, epoch: &AntennaEpoch) -> io::Result<()> {
+        self.0.iter_mut().try_for_each(|writer| writer.write(epoch))
+    }
+
+    pub(super) fn finish(self) -> anyhow::Result<()> {
+        self.0.into_iter().try_for_each(|writer| writer.finish()?.finish())
+    }
+}
+
+/// Where the text of a RINEX file goes.
+enum Text {
+    Plain(OutputFile),
+    Packed(GzEncoder<OutputFile>),
+    Compact(CompactWriter<OutputFile>),
+    CompactPacked(CompactWriter<GzEncoder<OutputFile>>),
+}
+
+impl Text {
+    fn finish(self) -> anyhow::Result<()> {
+        match self {
+            Self::Plain(file) => file,
+            Self::Packed(packed) => packed.finish()?,
+            Self::Compact(compact) => compact.finish()?,
+            Self::CompactPacked(compact) => compact.finish()?.finish()?,
+        }
+        .finish()
+    }
+
+    fn writer(&mut self) -> &mut dyn Write {
+        match self {
+            Self::Plain(file) => file,
+            Self::Packed(packed) => packed,
+            Self::Compact(compact) => compact,
+            Self::CompactPacked(compact) => compact,
+        }
+    }
+}
+
+impl Write for Text {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.writer().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer().flush()
+    }
+}
