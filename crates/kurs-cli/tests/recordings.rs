@@ -186,6 +186,41 @@ fn one_band_with_the_length_known() {
     }
 }
 
+/// Ambiguities carried from epoch to epoch, one band, nothing known of the geometry.
+#[test]
+fn continuous_ambiguities_are_right_after_the_first_minute() {
+    let Some(data) = data() else { return };
+    for (recording, bands, motion) in [
+        (&UPC, "bands=[G1]", "motion=free"),
+        (&MATRTKLIB, "bands=[G1]", "motion=free"),
+        (&GEONET, "bands=[G1,G2]", "motion=free"),
+        (&GEONET, "bands=[G1]", "motion=static"),
+    ] {
+        let settings = ["ambiguity=continuous", "elevation_mask_deg=15", bands, motion];
+        let solved = solve(&data, recording, None, &settings);
+        let start_s = number(&solved.attitude[0], "tow_s");
+        let later = solved.attitude.iter().filter(|row| number(row, "tow_s") - start_s > 60.0);
+        let not_fixed = later.filter(|row| row["status"] != "fixed").count();
+        assert_eq!(not_fixed, 0, "{} {bands} {motion}", recording.base);
+        assert_eq!(solved.wrong(&recording.truth_m), 0, "{} {bands}", recording.base);
+    }
+}
+
+/// Every GLONASS satellite has a wavelength of its own.
+#[test]
+fn glonass_alone() {
+    let Some(data) = data() else { return };
+    for (length_m, constraint) in [(Some(0.990), "constraint=length"), (None, "constraint=none")] {
+        for ambiguity in ["ambiguity=instantaneous", "ambiguity=continuous"] {
+            let settings = [constraint, ambiguity, "elevation_mask_deg=15", "bands=[R1,R2]"];
+            let solved = solve(&data, &MATRTKLIB, length_m, &settings);
+            let rate = solved.fix_rate();
+            assert!(rate >= 0.95, "{constraint} {ambiguity}: {rate}");
+            assert_eq!(solved.wrong(&MATRTKLIB.truth_m), 0, "{constraint} {ambiguity}");
+        }
+    }
+}
+
 /// Weak sky: nothing is promised of the fix rate, but a fix must be right.
 #[test]
 fn one_band_without_constraint_fixes_nothing_wrong() {

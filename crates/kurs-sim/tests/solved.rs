@@ -71,7 +71,12 @@ fn the_car_is_solved_with_honest_sigmas() {
         max_wrong_fix_rate: 0.001,
         max_tilt_rad: core::f64::consts::FRAC_PI_2,
         residuals: false,
-        noise: NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 },
+        noise: NoiseModel {
+            code_zenith_m: 0.3,
+            phase_zenith_m: 0.002,
+            full_cn0_dbhz: 45.0,
+            channel_sd_m: 0.0,
+        },
     };
     let mut engine = Engine::new(settings, simulation.navigation().clone()).unwrap();
     let mut epoch = SimulatedEpoch::default();

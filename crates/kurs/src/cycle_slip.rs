@@ -113,6 +113,12 @@ impl Continuity {
         let found = tracks.find(satellite, signal).ok()?;
         Some(tracks.tracks[found].arc)
     }
+
+    /// The number of that arc, 0 where there is none.
+    #[must_use]
+    pub fn number(&self, antenna: usize, satellite: Satellite, signal: Signal) -> u32 {
+        self.arc(antenna, satellite, signal).map_or(0, |arc| arc.number)
+    }
 }
 
 impl AntennaTracks {

@@ -14,7 +14,9 @@ pub mod recursive;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::difference::{Combination, Link, combinations, covariance, equations};
+use crate::difference::{
+    Combination, Link, add_common_cycles, combinations, covariance, equations, own_links,
+};
 
 /// Observations of one group and kind in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
 #[derive(Debug, Clone)]
@@ -34,6 +36,8 @@ struct Phases {
     covariance_m2: DMatrix<f64>,
     wavelengths_m: DVector<f64>,
     combinations: Vec<Combination>,
+    /// The link (of the group) whose ambiguity each combination stands for.
+    own: Vec<usize>,
     first_link: usize,
 }
 
@@ -71,12 +75,11 @@ pub struct FloatSolution {
 }
 
 /// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
-/// `Λ_xx x = right − cross (a − reduced_by)`.
+/// `Λ_xx x = right − cross a`.
 #[derive(Debug, Clone)]
 struct Memory {
     right: DVector<f64>,
     cross: DMatrix<f64>,
-    reduced_by: DVector<f64>,
 }
 
 /// How well observations fit.
@@ -284,8 +287,7 @@ impl FloatSolution {
             ranges_m.push(range_m);
         }
         if let Some(memory) = &self.memory {
-            let reduced = DVector::from_column_slice(integers) - &memory.reduced_by;
-            right = &memory.right - &memory.cross * reduced;
+            right = &memory.right - &memory.cross * DVector::from_column_slice(integers);
         }
         let covariance_m2 = well_conditioned_inverse(&self.conditional_normal)?;
         let correction_m = &covariance_m2 * &right;
@@ -340,12 +342,14 @@ fn group_phases(
     block: impl Fn(usize) -> Option<usize>,
 ) -> Option<Phases> {
     let rows = combinations(links, |link| link.phase_m.is_some());
-    let covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
+    let mut covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
+    add_common_cycles(&mut covariance_m2, &rows, links);
     let factor = covariance_m2.clone().cholesky().filter(|_| !rows.is_empty())?;
     let (design, misclosure_m) = equations(links, &rows, unknowns, block, |link| link.phase_m);
     let mut whitened_design = design.clone();
     factor.l_dirty().solve_lower_triangular_mut(&mut whitened_design);
-    let wavelengths_m = DVector::from_fn(rows.len(), |i, _| links[rows[i][0].0].wavelength_m);
+    let own = own_links(&rows);
+    let wavelengths_m = DVector::from_fn(rows.len(), |i, _| links[own[i]].wavelength_m);
     Some(Phases {
         factor,
         design,
@@ -354,6 +358,7 @@ fn group_phases(
         covariance_m2,
         wavelengths_m,
         combinations: rows,
+        own,
         first_link,
     })
 }

@@ -10,7 +10,7 @@ use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::difference::{Combination, Link, combinations, covariance, equations};
+use crate::difference::{Link, combinations, covariance, equations, own_links};
 use crate::solution::{IntegerSum, SignalResidual};
 
 /// The solution whose residuals are wanted.
@@ -38,9 +38,8 @@ pub fn signal_residuals(
         let of_group = &links[range.clone()];
         let code = of_links(of_group, solved, |l| l.code_m, |l| l.variances.code_m2, |_| 0.0);
         let phase = solved.integers.and_then(|_| {
-            let cycles = |row: &Combination| {
-                of_group[row[0].0].wavelength_m * integers.next().copied().unwrap_or(0.0)
-            };
+            let cycles =
+                |own: usize| of_group[own].wavelength_m * integers.next().copied().unwrap_or(0.0);
             of_links(of_group, solved, |l| l.phase_m, |l| l.variances.phase_m2, cycles)
         });
         residuals.extend(of_group.iter().enumerate().map(|(i, link)| SignalResidual {
@@ -67,11 +66,15 @@ pub fn integer_sums(links: &[Link], groups: &[Range<usize>], integers: &[f64]) -
                 let link = &of_group[*edge];
                 (link.antenna, link.satellite, link.signal, whole(*sign))
             };
-            sums.push(IntegerSum { links: row.iter().map(term).collect(), cycles: 0 });
+            let taken_out = |(edge, sign): &(usize, f64)| sign * of_group[*edge].whole_cycles;
+            sums.push(IntegerSum {
+                links: row.iter().map(term).collect(),
+                cycles: whole(row.iter().map(taken_out).sum()),
+            });
         }
     }
     for (sum, integer) in sums.iter_mut().zip(integers) {
-        sum.cycles = whole(*integer);
+        sum.cycles += whole(*integer);
     }
     sums
 }
@@ -88,7 +91,7 @@ fn of_links(
     solved: &Solved<'_>,
     value: impl Fn(&Link) -> Option<f64>,
     variance_m2: impl Fn(&Link) -> f64,
-    known_m: impl FnMut(&Combination) -> f64,
+    known_m: impl FnMut(usize) -> f64,
 ) -> Option<Vec<Option<f64>>> {
     let rows = combinations(links, |link| value(link).is_some());
     let factor = covariance(&rows, |edge| variance_m2(&links[edge])).cholesky()?;
@@ -96,7 +99,7 @@ fn of_links(
     let unknowns = solved.correction_m.len();
     let (design, misclosure_m): (DMatrix<f64>, DVector<f64>) =
         equations(links, &rows, unknowns, block, &value);
-    let known_m = DVector::from_iterator(rows.len(), rows.iter().map(known_m));
+    let known_m = DVector::from_iterator(rows.len(), own_links(&rows).into_iter().map(known_m));
     let weighted = factor.solve(&(misclosure_m - design * solved.correction_m - known_m));
     let mut of_link = vec![None; links.len()];
     for (row, weight) in rows.iter().zip(weighted.iter()) {
@@ -130,6 +133,8 @@ mod tests {
                     signal: Signal::new(System::Gps, 1, b'C'),
                     code_m: Some(clocks_m + 4.0 * faulty),
                     phase_m: Some(clocks_m + (7.0 * wavelength_m + 0.008) * faulty),
+                    whole_cycles: 0.0,
+                    common_sd_cycles: 0.0,
                     wavelength_m,
                     variances: Variances { code_m2: 0.09, phase_m2: 9e-6 },
                     gradient: Vector3::zeros(),

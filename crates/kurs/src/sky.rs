@@ -162,7 +162,17 @@ pub struct NoiseModel {
     pub phase_zenith_m: f64,
     /// C/N0 above which noise does not shrink any more, dB-Hz.
     pub full_cn0_dbhz: f64,
+    /// GLONASS: standard deviation of a receiver's phase bias for each step of the frequency
+    /// channel, against the other receivers, m. Receivers of one kind have none, mixed ones some
+    /// centimetres (Wanninger 2012).
+    pub channel_sd_m: f64,
 }
+
+/// Code tells the whole cycles that are common to all phases of a receiver to this.
+const COMMON_CYCLES_BY_CODE: f64 = 3.0;
+/// Steps of the GLONASS channel in the carrier frequency of channel 0, on both bands (1602 MHz over
+/// 0.5625 MHz).
+const GLONASS_STEPS: f64 = 2848.0;
 
 /// Variances of code (m²) and phase (m²) of one observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -174,6 +184,15 @@ pub struct Variances {
 }
 
 impl NoiseModel {
+    /// Standard deviation of the cycles common to all phases of a receiver, for a wavelength.
+    ///
+    /// A bias `β` for each step of the channel is the same as `n = 2848 β / λ` cycles in every phase:
+    /// the wavelengths of two channels differ by `λ / 2848` for each step between them.
+    #[must_use]
+    pub fn common_cycles(&self, wavelength_m: f64) -> f64 {
+        COMMON_CYCLES_BY_CODE.hypot(GLONASS_STEPS * self.channel_sd_m / wavelength_m)
+    }
+
     /// Variances of an observation of `band` at `elevation_rad` with this C/N0.
     #[must_use]
     pub fn variances(&self, band: Band, elevation_rad: f64, cn0_dbhz: Option<f64>) -> Variances {
@@ -258,7 +277,12 @@ mod tests {
 
     #[test]
     fn noise_grows_towards_the_horizon_and_with_weak_signals() {
-        let model = NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
+        let model = NoiseModel {
+            code_zenith_m: 0.3,
+            phase_zenith_m: 0.002,
+            full_cn0_dbhz: 45.0,
+            channel_sd_m: 0.0,
+        };
         let l1 = Band::new(System::Gps, 1);
         let variances = |el: f64, cn0| model.variances(l1, el.to_radians(), cn0);
         let at = |el: f64, cn0| variances(el, cn0).code_m2.sqrt();

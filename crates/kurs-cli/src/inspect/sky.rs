@@ -20,8 +20,12 @@ const RINGS: usize = 6;
 /// What a signal takes from the satellites to here.
 const TRAVEL_S: f64 = 0.075;
 /// Noise for the position; only its weights count here.
-const NOISE: NoiseModel =
-    NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.003, full_cn0_dbhz: 45.0 };
+const NOISE: NoiseModel = NoiseModel {
+    code_zenith_m: 0.3,
+    phase_zenith_m: 0.003,
+    full_cn0_dbhz: 45.0,
+    channel_sd_m: 0.0,
+};
 
 /// Where satellites were, seen from the antenna.
 #[derive(Debug, Serialize)]

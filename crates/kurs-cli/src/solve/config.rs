@@ -90,6 +90,7 @@ pub(crate) struct SolveTable {
     pub(crate) max_tilt_deg: f64,
     pub(crate) code_sd_m: f64,
     pub(crate) phase_sd_m: f64,
+    pub(crate) glonass_channel_sd_m: f64,
 }
 
 /// How ambiguities are carried from epoch to epoch.
@@ -132,6 +133,7 @@ impl Default for SolveTable {
             max_tilt_deg: 90.0,
             code_sd_m: 0.2,
             phase_sd_m: 0.0015,
+            glonass_channel_sd_m: 0.0,
         }
     }
 }
@@ -441,6 +443,11 @@ impl Loaded {
             .transpose()
             .map_err(|error| UsageError(self.with_names(&error)))?;
         let bands = solve.bands.as_ref().map(|bands| self.bands(bands)).transpose()?;
+        if !(0.0..=1.0).contains(&solve.glonass_channel_sd_m) {
+            let found = solve.glonass_channel_sd_m;
+            let text = format!("glonass_channel_sd_m is {found}, expected 0 to 1 m");
+            return Err(UsageError(text));
+        }
         for (key, value) in [("code_sd_m", solve.code_sd_m), ("phase_sd_m", solve.phase_sd_m)] {
             if !(1e-6..=100.0).contains(&value) {
                 return Err(UsageError(format!("{key} is {value}, expected 1e-6 to 100 m")));
@@ -466,6 +473,7 @@ impl Loaded {
                 code_zenith_m: solve.code_sd_m,
                 phase_zenith_m: solve.phase_sd_m,
                 full_cn0_dbhz: 45.0,
+                channel_sd_m: solve.glonass_channel_sd_m,
             },
         };
         settings.check().map_err(|error| UsageError(error.to_string()))?;
@@ -540,6 +548,7 @@ impl Loaded {
                 "solve.phase_sd_m",
                 format!("{}  (zenith; / sin(elevation), 45 dB-Hz)", solve.phase_sd_m),
             ),
+            ("solve.glonass_channel_sd_m", solve.glonass_channel_sd_m.to_string()),
         ];
         let mut text = String::new();
         let origin = |key: &str| self.origins.get(key).map_or("default", String::as_str);

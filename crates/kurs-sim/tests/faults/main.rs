@@ -2,6 +2,8 @@
 //! right fixes return as soon as the fault is over.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+mod glonass;
+mod lasting;
 mod scene;
 
 use kurs::engine::{Ambiguities, Constraint};

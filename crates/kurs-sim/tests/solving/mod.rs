@@ -38,8 +38,12 @@ pub(crate) fn with_known_noise(scenario: &mut Scenario) {
 }
 
 /// What the engine is told of the noise.
-pub(crate) const NOISE: NoiseModel =
-    NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
+pub(crate) const NOISE: NoiseModel = NoiseModel {
+    code_zenith_m: 0.3,
+    phase_zenith_m: 0.002,
+    full_cn0_dbhz: 45.0,
+    channel_sd_m: 0.0,
+};
 
 /// Settings of `kurs solve` for the first body of a scenario.
 pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings {

@@ -129,6 +129,41 @@ fn collected(mut sum: Combination) -> Combination {
     sum
 }
 
+/// For each combination a link that no other one contains (each closes a loop of its own); its
+/// wavelength is that of the combination's ambiguity.
+#[must_use]
+pub fn own_links(combinations: &[Combination]) -> Vec<usize> {
+    let last = combinations.iter().flatten().map(|(edge, _)| *edge).max().unwrap_or(0);
+    let mut uses = vec![0_usize; last + 1];
+    combinations.iter().flatten().for_each(|(edge, _)| uses[*edge] += 1);
+    let own = |row: &Combination| {
+        row.iter().find(|(edge, _)| uses[*edge] == 1).map_or(row[0].0, |(edge, _)| *edge)
+    };
+    combinations.iter().map(own).collect()
+}
+
+/// Adds to the covariance of phase combinations that of the cycles common to all phases of an
+/// antenna, `Σ_a (D λ_a) σ_a² (D λ_a)ᵀ`: nothing within one wavelength, but between the channels of
+/// GLONASS `λᵢ − λⱼ` remains of each cycle.
+pub fn add_common_cycles(covariance_m2: &mut DMatrix<f64>, rows: &[Combination], links: &[Link]) {
+    let Some((first, _)) = rows.first().map(|row| row[0]) else { return };
+    if rows.iter().flatten().all(|(e, _)| links[*e].wavelength_m == links[first].wavelength_m) {
+        return;
+    }
+    let antennas = links.iter().map(|l| l.antenna + 1).max().unwrap_or(0);
+    for antenna in 0..antennas {
+        let common = |row: &Combination| {
+            let of_antenna = row.iter().filter(|(edge, _)| links[*edge].antenna == antenna);
+            let scaled = of_antenna.map(|(edge, sign)| {
+                sign * links[*edge].wavelength_m * links[*edge].common_sd_cycles
+            });
+            scaled.sum::<f64>()
+        };
+        let common = DVector::from_iterator(rows.len(), rows.iter().map(common));
+        covariance_m2.ger(1.0, &common, &common, 1.0);
+    }
+}
+
 /// Covariance `D diag(σ²) Dᵀ` of the combinations (rows of `D`), from the variance of each link.
 ///
 /// Combinations share links (the reference antenna and satellite), so it is never diagonal.
@@ -197,6 +232,8 @@ mod tests {
             signal: Signal::new(System::Gps, 1, b'C'),
             code_m: Some(value),
             phase_m: None,
+            whole_cycles: 0.0,
+            common_sd_cycles: 0.0,
             wavelength_m: 0.19,
             variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
             gradient: Vector3::zeros(),
@@ -214,6 +251,42 @@ mod tests {
         assert_eq!(rows[0].as_slice(), [(0, -1.0), (1, 1.0), (4, 1.0), (5, -1.0)]);
         let q = covariance(&rows, |_| 0.25);
         assert_eq!((q[(0, 0)], q[(0, 1)], q[(1, 1)]), (1.0, 0.5, 1.0));
+    }
+
+    #[test]
+    fn every_combination_has_a_link_of_its_own() {
+        let links: Vec<Link> = (1..=4)
+            .flat_map(|s| [link(0, s), link(1, s), link(2, s)])
+            .filter(|l| l.antenna != 1 || l.satellite.number != 2)
+            .collect();
+        let rows = combinations(&links, |_| true);
+        let own = own_links(&rows);
+        for (row, own) in own.iter().enumerate() {
+            for (other, combination) in rows.iter().enumerate() {
+                assert_eq!(combination.iter().any(|(edge, _)| edge == own), row == other);
+            }
+        }
+    }
+
+    /// One cycle more in all phases of an antenna: gone within one wavelength, and what the added
+    /// covariance is made of between two.
+    #[test]
+    fn common_cycles_show_between_unlike_wavelengths() {
+        let mut links: Vec<Link> = (1..=3).flat_map(|s| [link(0, s), link(1, s)]).collect();
+        links.iter_mut().for_each(|l| l.common_sd_cycles = 1.0);
+        let rows = combinations(&links, |_| true);
+        let mut q = DMatrix::zeros(2, 2);
+        add_common_cycles(&mut q, &rows, &links);
+        assert_eq!(q, DMatrix::zeros(2, 2));
+        for (link, wavelength_m) in
+            links.iter_mut().zip([0.187, 0.187, 0.1875, 0.1875, 0.188, 0.188])
+        {
+            link.wavelength_m = wavelength_m;
+        }
+        add_common_cycles(&mut q, &rows, &links);
+        // Reference satellite 3: −1 mm and −0.5 mm at each of the two antennas.
+        let expected = DMatrix::from_row_slice(2, 2, &[2e-6, 1e-6, 1e-6, 0.5e-6]);
+        assert!((q - expected).norm() < 1e-15);
     }
 
     #[test]

@@ -106,6 +106,8 @@ mod tests {
             signal: Signal::new(System::Gps, digit, attribute),
             code_m: Some(0.0),
             phase_m: Some(0.0),
+            whole_cycles: 0.0,
+            common_sd_cycles: 0.0,
             wavelength_m: 0.19,
             variances: Variances { code_m2: 1.0, phase_m2: 1e-4 },
             gradient: Vector3::zeros(),

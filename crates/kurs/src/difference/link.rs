@@ -23,8 +23,13 @@ pub struct Link {
     pub signal: Signal,
     /// Observed less computed pseudorange, m.
     pub code_m: Option<f64>,
-    /// Observed less computed carrier phase, m; only where it can be an integer.
+    /// Observed less computed carrier phase, less `whole_cycles`, m; only where it can be an integer.
     pub phase_m: Option<f64>,
+    /// Whole cycles taken out of the phase, so that the ambiguity that remains is small.
+    pub whole_cycles: f64,
+    /// Standard deviation of the cycles that all phases of this antenna and signal have in common
+    /// beyond that: differences between satellites of unlike wavelengths do not cancel them.
+    pub common_sd_cycles: f64,
     /// Carrier wavelength, m.
     pub wavelength_m: f64,
     /// Variances of the two.
@@ -35,6 +40,15 @@ pub struct Link {
     pub azimuth_rad: f64,
     /// Elevation of the satellite.
     pub elevation_rad: f64,
+}
+
+impl Link {
+    /// Takes so many whole cycles out of the phase, instead of those that were.
+    pub fn take_out(&mut self, whole_cycles: f64) {
+        let less_m = self.wavelength_m * (whole_cycles - self.whole_cycles);
+        self.phase_m = self.phase_m.map(|phase_m| phase_m - less_m);
+        self.whole_cycles = whole_cycles;
+    }
 }
 
 /// An antenna of the epoch with what is known of it so far.
@@ -102,21 +116,30 @@ pub fn links(
             let computed_m =
                 computed_m + antenna.phase_center_m(band, view.line_of_sight, elevation_rad);
             let whole_cycles = !observation.lock.half_cycle_unresolved();
-            // Differences between GLONASS FDMA carriers are no whole numbers of one wavelength.
-            let one_carrier = band.frequency_hz(None).is_some();
-            let phase_cycles = observation.phase_cycles.filter(|_| whole_cycles && one_carrier);
-            links.push(Link {
+            let phase_cycles = observation.phase_cycles.filter(|_| whole_cycles);
+            let mut link = Link {
                 antenna: antenna.index,
                 satellite,
                 signal: observation.signal,
                 code_m: observation.pseudorange_m.map(|p| p - computed_m),
                 phase_m: phase_cycles.map(|cycles| cycles * wavelength_m - computed_m),
+                whole_cycles: 0.0,
+                common_sd_cycles: noise.common_cycles(wavelength_m),
                 wavelength_m,
                 variances: noise.variances(band, elevation_rad, observation.cn0_dbhz),
                 gradient,
                 azimuth_rad,
                 elevation_rad,
-            });
+            };
+            match (link.phase_m, link.code_m) {
+                (Some(phase_m), Some(code_m)) => {
+                    link.take_out(((phase_m - code_m) / wavelength_m).round());
+                }
+                // Between unlike wavelengths an ambiguity of thousands of cycles is no integer.
+                _ if band.frequency_hz(None).is_none() => link.phase_m = None,
+                _ => {}
+            }
+            links.push(link);
         }
     }
 }

@@ -9,6 +9,6 @@ mod double;
 mod group;
 mod link;
 
-pub use double::{Combination, combinations, covariance, equations};
+pub use double::{Combination, add_common_cycles, combinations, covariance, equations, own_links};
 pub use group::group;
 pub use link::{Antenna, Link, links};

@@ -104,6 +104,14 @@ impl Engine {
         }
     }
 
+    /// Phases of one arc are counted from the same whole cycle in all its epochs.
+    fn align_phases(&mut self) {
+        let Some((continuity, memory)) = &self.carried else { return };
+        memory.align(&mut self.links, |link| {
+            continuity.number(link.antenna, link.satellite, link.signal)
+        });
+    }
+
     /// The float solution of the epoch with what earlier epochs know of its ambiguities.
     fn carry(
         &mut self,
@@ -112,10 +120,8 @@ impl Engine {
         time: GpsTime,
     ) -> FloatSolution {
         let Some((continuity, memory)) = &mut self.carried else { return float };
-        memory.update(float, &self.links, &frame.approximate(), time, |link| {
-            let arc = continuity.arc(link.antenna, link.satellite, link.signal);
-            arc.map_or(0, |arc| arc.number)
-        })
+        let arc = |link: &Link| continuity.number(link.antenna, link.satellite, link.signal);
+        memory.update(float, &self.links, &frame.approximate(), time, arc)
     }
 
     /// The instant of the first antenna that has a position: its tag less its clock bias.
@@ -143,6 +149,7 @@ impl Engine {
     fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
         let frame = locate::common_frame(&self.located)?;
         self.form_links(epoch, &frame);
+        self.align_phases();
         let groups = difference::group(&mut self.links);
         row.shared_satellites = locate::shared_satellites(&self.links);
 

@@ -77,18 +77,17 @@ struct Arc {
     number: u32,
     codes: Codes,
     wavelength_m: f64,
-    /// Whole cycles taken from the phase so that the unknown stays small.
-    offset_cycles: f64,
+    /// Whole cycles taken out of the phase: the same throughout the arc.
+    whole_cycles: f64,
 }
 
 /// One double difference of the epoch and the link that belongs to it alone: with the ambiguities
-/// of all other links zero, `a = (± b) / λ + offset`.
+/// of all other links zero, `a = ± b / λ`.
 #[derive(Debug, Clone, Copy)]
 struct Own {
     unknown: usize,
     sign: f64,
     wavelength_m: f64,
-    offset_cycles: f64,
 }
 
 /// The filter's memory.
@@ -127,8 +126,21 @@ impl RecursiveFloat {
         self.slips
     }
 
-    /// The float solution of an epoch (of these links, about these approximate baselines) together
-    /// with all epochs before. `arc` numbers the arcs of continuous phase of each link.
+    /// Takes the same whole cycles out of the phases as at the begin of their arcs: the ambiguities
+    /// of an epoch's float solution are then those of the memory. `arc` numbers the arcs of
+    /// continuous phase of each link.
+    pub fn align(&self, links: &mut [Link], arc: impl Fn(&Link) -> u32) {
+        for link in links {
+            let key = (link.signal, link.satellite, link.antenna);
+            let Ok(index) = self.arcs.binary_search_by_key(&key, Arc::key) else { continue };
+            if self.arcs[index].number == arc(link) {
+                link.take_out(self.arcs[index].whole_cycles);
+            }
+        }
+    }
+
+    /// The float solution of an epoch (of these *aligned* links, about these approximate baselines) together
+    /// with all epochs before.
     ///
     /// An epoch that continues nothing comes back as it is.
     pub fn update(
@@ -206,7 +218,7 @@ impl RecursiveFloat {
         }
         for (index, old) in self.arcs.iter().enumerate() {
             match now.iter_mut().find(|(new, _)| new.key() == old.key()) {
-                Some((new, _)) if new.continues(old) => new.offset_cycles = old.offset_cycles,
+                Some((new, _)) if new.continues(old) => {}
                 None if !self.is_present(old.antenna) => now.push((old.clone(), None)),
                 _ => self.information.forget(first + index),
             }
@@ -248,40 +260,24 @@ impl RecursiveFloat {
         for phases in &epoch.phases {
             let used = phases.used_links();
             let unknowns: Vec<usize> = used.iter().filter_map(|link| unknown_of[*link]).collect();
-            let arc = |local: usize| &self.arcs[unknowns[local] - baselines];
-            let rows = phases.combinations.len();
-            // D, and y_Φ less the whole cycles taken out
-            let mut design = DMatrix::zeros(rows, used.len());
-            let mut reduced_m = phases.misclosure_m.clone();
-            let mut rows_of = vec![0_usize; used.len()];
+            let local = |edge: usize| used.binary_search(&(phases.first_link + edge));
+            let mut design = DMatrix::zeros(phases.combinations.len(), used.len());
             for (row, combination) in phases.combinations.iter().enumerate() {
                 for (edge, sign) in combination {
-                    let Ok(local) = used.binary_search(&(phases.first_link + edge)) else {
-                        continue;
-                    };
+                    let Ok(local) = local(*edge) else { continue };
                     design[(row, local)] = *sign;
-                    reduced_m[row] -= sign * arc(local).offset_m();
-                    rows_of[local] += 1;
+                    if *edge == phases.own[row] {
+                        let (unknown, wavelength_m) = (unknowns[local], phases.wavelengths_m[row]);
+                        own.push(Own { unknown, sign: *sign, wavelength_m });
+                    }
                 }
             }
-            for (row, combination) in phases.combinations.iter().enumerate() {
-                let locals = combination.iter().map(|(edge, _)| phases.first_link + edge);
-                let mut locals = locals.filter_map(|link| used.binary_search(&link).ok());
-                let Some(local) = locals.find(|local| rows_of[*local] == 1) else { continue };
-                let wavelength_m = phases.wavelengths_m[row];
-                let offset_m = phases.misclosure_m[row] - reduced_m[row];
-                own.push(Own {
-                    unknown: unknowns[local],
-                    sign: design[(row, local)],
-                    wavelength_m,
-                    offset_cycles: offset_m / wavelength_m,
-                });
-            }
+            let mut misclosure_m = phases.misclosure_m.clone();
             phases.factor.l_dirty().solve_lower_triangular_mut(&mut design);
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut reduced_m);
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut misclosure_m);
             let cross = phases.whitened_design.tr_mul(&design) * weight;
             let normal = design.tr_mul(&design) * weight;
-            let right = design.tr_mul(&reduced_m) * weight;
+            let right = design.tr_mul(&misclosure_m) * weight;
             for (i, unknown) in unknowns.iter().enumerate() {
                 for x in 0..baselines {
                     news.matrix[(x, *unknown)] += cross[(x, i)];
@@ -292,7 +288,7 @@ impl RecursiveFloat {
                 }
                 news.vector[*unknown] += right[i];
             }
-            let baseline_right = phases.whitened_design.tr_mul(&reduced_m) * weight;
+            let baseline_right = phases.whitened_design.tr_mul(&misclosure_m) * weight;
             let mut first = news.vector.rows_mut(0, baselines);
             first += baseline_right;
         }
@@ -362,15 +358,12 @@ impl RecursiveFloat {
         let (x, n) = (self.baseline_unknowns(), own.len());
         let estimate = factor.solve(&joint.vector);
         let q = factor.inverse();
-        // a = ± b / λ + offset
+        // a = ± b / λ
         let per_metre = |i: usize| own[i].sign / own[i].wavelength_m;
-        let reduced_by = DVector::from_fn(n, |i, _| own[i].offset_cycles);
         FloatSolution {
             correction_m: estimate.rows(0, x).clone_owned(),
             covariance_m2: q.view((0, 0), (x, x)).clone_owned(),
-            ambiguities_cycles: DVector::from_fn(n, |i, _| {
-                per_metre(i) * estimate[x + i] + reduced_by[i]
-            }),
+            ambiguities_cycles: DVector::from_fn(n, |i, _| per_metre(i) * estimate[x + i]),
             ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| {
                 per_metre(i) * per_metre(j) * q[(x + i, x + j)]
             }),
@@ -379,7 +372,6 @@ impl RecursiveFloat {
             memory: Some(Memory {
                 right: joint.vector.rows(0, x).clone_owned(),
                 cross: DMatrix::from_fn(x, n, |i, j| joint.matrix[(i, x + j)] / per_metre(j)),
-                reduced_by,
             }),
             ..epoch
         }
@@ -434,7 +426,6 @@ const UNTESTABLE: f64 = 1e-8;
 
 impl Arc {
     fn begin(link: &Link, number: u32, codes: Codes) -> Self {
-        let phase_m = link.phase_m.unwrap_or(0.0) - link.code_m.unwrap_or(0.0);
         Self {
             antenna: link.antenna,
             satellite: link.satellite,
@@ -442,7 +433,7 @@ impl Arc {
             number,
             codes,
             wavelength_m: link.wavelength_m,
-            offset_cycles: (phase_m / link.wavelength_m).round(),
+            whole_cycles: link.whole_cycles,
         }
     }
 
@@ -452,10 +443,6 @@ impl Arc {
 
     fn continues(&self, old: &Self) -> bool {
         self.number == old.number && self.codes == old.codes
-    }
-
-    fn offset_m(&self) -> f64 {
-        self.offset_cycles * self.wavelength_m
     }
 }
 

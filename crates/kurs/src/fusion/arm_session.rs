@@ -285,6 +285,7 @@ impl ArmSession {
             code_zenith_m: self.settings.reception.pseudorange_sd_m,
             phase_zenith_m: self.settings.reception.phase_sd_m.unwrap_or(0.003),
             full_cn0_dbhz: 45.0,
+            channel_sd_m: 0.0,
         };
         let settings = PointSettings { elevation_mask_rad, noise };
         let point = point::solve(&self.tracked, &self.navigation, epoch.time, &settings)?;
