@@ -161,6 +161,7 @@ impl Settings {
             code_zenith_m: self.code_sd_m,
             phase_zenith_m: self.phase_sd_m,
             full_cn0_dbhz: 45.0,
+            channel_sd_m: 0.0,
         }
     }
 
