@@ -127,7 +127,12 @@ fn position_velocity_and_utc_in_low_orbit() {
         drift: 0.0,
         reference_time: epoch,
     });
-    let noise = NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
+    let noise = NoiseModel {
+        code_zenith_m: 0.3,
+        phase_zenith_m: 0.002,
+        full_cn0_dbhz: 45.0,
+        channel_sd_m: 0.0,
+    };
     let settings = PointSettings { elevation_mask_rad: 10f64.to_radians(), noise };
     let mut random = Xoshiro256PlusPlus::seed_from_u64(500);
     let (mut squares, mut worst_mps, mut worst_utc_s, mut epochs) = (0.0, 0.0f64, 0.0f64, 0.0);

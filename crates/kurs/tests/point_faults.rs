@@ -13,8 +13,12 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-const NOISE: NoiseModel =
-    NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 };
+const NOISE: NoiseModel = NoiseModel {
+    code_zenith_m: 0.3,
+    phase_zenith_m: 0.002,
+    full_cn0_dbhz: 45.0,
+    channel_sd_m: 0.0,
+};
 
 /// A random sky of two systems over a random place in low orbit, where no atmosphere is, with the
 /// noise that the weights expect: 0.3 m / sin E for the code, 0.5 m for the orbit, 0.1 m for what the
