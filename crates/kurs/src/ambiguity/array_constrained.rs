@@ -15,11 +15,11 @@
 //!
 //! [`length_constrained`]: super::length_constrained
 
-use nalgebra::{DMatrix, Matrix3, Matrix3xX, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, SMatrix, SVector, Vector3};
 
 use super::{
     AmbiguityError, MixedFloat,
-    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels},
+    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels, informative},
     decorrelate::Decorrelation,
     frame::{FrameMetric, completed},
     length_constrained::LengthConstrained,
@@ -163,20 +163,15 @@ impl ArrayConstrained {
         self.decorrelation.compute_in_blocks(&float.ambiguity_covariance, ambiguities_of)?;
         let levels = Levels::<P>::new(&self.decorrelation, float)?;
         let conditional = float.conditional_covariance_m2.fixed_view::<P, P>(0, 0).into_owned();
-        let frames: Frames<P, S> = Frames(
-            levels
-                .covariances(conditional)
-                .map(|q| FrameMetric::new(&q))
-                .collect::<Result<_, _>>()?,
-        );
+        let mut frames = Frames::<P, S>::new(levels.covariances(conditional).collect())?;
         let extent = Extent { count, horizon: self.horizon, node_budget: self.node_budget };
-        let (leaves, proven_to) = tree.cheapest(&levels, &frames, extent)?;
+        let (leaves, proven_to) = tree.cheapest(&levels, &mut frames, extent)?;
         self.proven_to = proven_to;
         leaves
             .into_iter()
             .map(|leaf| {
-                let (_, multipliers) = frames.0[0].bound(&leaf.reals, None);
-                let (axes, _) = frames.0[0].nearest(&leaf.reals, multipliers)?;
+                let (_, multipliers) = frames.last.bound(&leaf.reals, None);
+                let (axes, _) = frames.last.nearest(&leaf.reals, multipliers)?;
                 Ok(ArrayCandidate {
                     integers: leaf.integers,
                     cost: leaf.cost,
@@ -188,32 +183,58 @@ impl ArrayConstrained {
     }
 }
 
-/// Orthonormal axes in the metrics of all levels.
-struct Frames<const P: usize, const S: usize>(Vec<FrameMetric<P, S>>);
+/// Orthonormal axes in the metrics of all levels, each prepared when it is first asked for.
+struct Frames<const P: usize, const S: usize> {
+    /// `Q₀ … Qₙ`.
+    covariances: Vec<SMatrix<f64, P, P>>,
+    informative: Vec<bool>,
+    metrics: Vec<Option<FrameMetric<P, S>>>,
+    /// The metric of level 0: every integer fixed.
+    last: FrameMetric<P, S>,
+}
+
+impl<const P: usize, const S: usize> Frames<P, S> {
+    fn new(covariances: Vec<SMatrix<f64, P, P>>) -> Result<Self, AmbiguityError> {
+        let last = FrameMetric::new(&covariances[0])?;
+        let informative = informative(&covariances);
+        Ok(Self { metrics: vec![None; covariances.len()], covariances, informative, last })
+    }
+}
 
 impl<const P: usize, const S: usize> Constraint<P> for Frames<P, S> {
     type Multiplier = SVector<f64, S>;
 
+    fn is_informative(&self, level: usize) -> bool {
+        self.informative[level]
+    }
+
     fn bound(
-        &self,
+        &mut self,
         level: usize,
         reals: &SVector<f64, P>,
         start: Option<SVector<f64, S>>,
     ) -> (f64, SVector<f64, S>) {
-        self.0[level].bound(reals, start)
+        let metric = &mut self.metrics[level];
+        if metric.is_none() {
+            *metric = FrameMetric::new(&self.covariances[level]).ok();
+        }
+        // Covariances grow from level to level: they are as positive definite as the first. If
+        // rounding says otherwise, zero is a bound too.
+        let nothing = (0.0, start.unwrap_or_else(SVector::zeros));
+        metric.as_ref().map_or(nothing, |metric| metric.bound(reals, start))
     }
 
     fn cost(
-        &self,
+        &mut self,
         reals: &SVector<f64, P>,
         multiplier: SVector<f64, S>,
         enough: f64,
     ) -> Result<Cost, AmbiguityError> {
-        let (bound, multiplier) = self.0[0].tight_bound(reals, multiplier);
+        let (bound, multiplier) = self.last.tight_bound(reals, multiplier);
         if bound > enough {
             return Ok(Cost::AtLeast(bound));
         }
-        self.0[0].nearest(reals, multiplier).map(|(_, cost)| Cost::Exact(cost))
+        self.last.nearest(reals, multiplier).map(|(_, cost)| Cost::Exact(cost))
     }
 }
 

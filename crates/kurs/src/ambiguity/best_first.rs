@@ -18,6 +18,10 @@
 //! itself once every integer is fixed. It grows from level to level. Branches are opened in the
 //! order of their bounds, so that candidates come out in the order of their costs, and the first
 //! is proven to be the best. The constraint prunes as soon as the integers determine the reals.
+//!
+//! The bound of the constraint costs far more than the sum. It is asked for only when a branch has
+//! its turn, not while all others lie far behind, and not where the reals are hardly better known
+//! than when it was asked for last: the many integers of a strong model follow from the first few.
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
@@ -27,15 +31,23 @@ use super::{AmbiguityError, MixedFloat, decorrelate::Decorrelation, search::whol
 
 /// Branches that a search opens by default before it gives up: some tens of milliseconds.
 pub(super) const DEFAULT_NODE_BUDGET: usize = 100_000;
+/// A branch that is cheaper than all others by more than this is opened without its constraint: the
+/// misfit of the right one is smaller.
+const CLEAR_LEAD: f64 = 40.0;
+/// The constraint is asked for again when a variance of the reals has come down to this share.
+const BETTER_KNOWN: f64 = 0.7;
 
 /// The constraint on `P` reals, level by level; level `k` leaves `k` ambiguities real.
 pub(super) trait Constraint<const P: usize> {
     /// What makes a good start for the bounds of the branches below.
     type Multiplier: Copy;
 
+    /// Whether the constraint can say more at this level than at those before, see [`informative`].
+    fn is_informative(&self, level: usize) -> bool;
+
     /// A lower bound of `min |x̌ₖ − x|²_Qₖ`, tight without a `start`.
     fn bound(
-        &self,
+        &mut self,
         level: usize,
         reals: &SVector<f64, P>,
         start: Option<Self::Multiplier>,
@@ -47,11 +59,26 @@ pub(super) trait Constraint<const P: usize> {
     ///
     /// If it cannot be found.
     fn cost(
-        &self,
+        &mut self,
         reals: &SVector<f64, P>,
         multiplier: Self::Multiplier,
         enough: f64,
     ) -> Result<Cost, AmbiguityError>;
+}
+
+/// For `Q₀ … Qₙ`, the levels at which the reals are better known than at the last such level.
+pub(super) fn informative<const P: usize>(covariances: &[SMatrix<f64, P, P>]) -> Vec<bool> {
+    let mut levels = vec![false; covariances.len()];
+    let Some(root) = covariances.last() else { return levels };
+    let mut known = root.diagonal();
+    for (level, covariance) in covariances.iter().enumerate().rev() {
+        let variances = covariance.diagonal();
+        levels[level] = variances.iter().zip(&known).any(|(now, then)| *now < BETTER_KNOWN * then);
+        if levels[level] {
+            known = variances;
+        }
+    }
+    levels
 }
 
 /// What is known of a cost.
@@ -145,7 +172,7 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
     pub(super) fn cheapest(
         &mut self,
         levels: &Levels<P>,
-        constraint: &impl Constraint<P, Multiplier = M>,
+        constraint: &mut impl Constraint<P, Multiplier = M>,
         extent: Extent,
     ) -> Result<(Vec<Leaf<P>>, f64), AmbiguityError> {
         self.nodes.clear();
@@ -164,7 +191,13 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
                 return Ok((leaves, bound));
             }
             match self.nodes[node].stage {
-                Stage::Children { .. } => self.open(levels, constraint, node, bound),
+                Stage::Unasked
+                    if self.next_bound() - bound <= CLEAR_LEAD
+                        && constraint.is_informative(self.nodes[node].free) =>
+                {
+                    self.ask(constraint, node);
+                }
+                Stage::Unasked | Stage::Children { .. } => self.open(levels, node, bound),
                 Stage::Bounded => self.settle(constraint, node)?,
                 Stage::Settled => leaves.push(self.leaf(levels, node)?),
             }
@@ -174,14 +207,23 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         }
     }
 
+    /// What the cheapest waiting branch costs at least.
+    fn next_bound(&self) -> f64 {
+        self.queue.peek().map_or(f64::INFINITY, |queued| queued.bound)
+    }
+
+    /// Raises the bound of a node by its constraint.
+    fn ask(&mut self, constraint: &mut impl Constraint<P, Multiplier = M>, index: usize) {
+        let node = &mut self.nodes[index];
+        let (inner, multiplier) = constraint.bound(node.free, &node.reals, Some(node.multiplier));
+        node.bound = node.bound.max(node.norm + inner);
+        node.multiplier = multiplier;
+        node.stage = Stage::Children { next: None };
+        self.queue.push(Queued { bound: node.bound, node: index });
+    }
+
     /// Queues the children of a node that may be as cheap as `bound`, and the rest as a whole.
-    fn open(
-        &mut self,
-        levels: &Levels<P>,
-        constraint: &impl Constraint<P, Multiplier = M>,
-        parent: usize,
-        bound: f64,
-    ) {
+    fn open(&mut self, levels: &Levels<P>, parent: usize, bound: f64) {
         let k = self.nodes[parent].free - 1;
         let mut siblings = match self.nodes[parent].stage {
             Stage::Children { next: Some(siblings) } => siblings,
@@ -201,18 +243,16 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
                 self.queue.push(Queued { bound: norm, node: parent });
                 return;
             }
-            let reals = node.reals - levels.gains[k] * residual;
-            let (inner, multiplier) = constraint.bound(k, &reals, Some(node.multiplier));
             let child = Node {
                 free: k,
                 parent,
                 integer: siblings.integer,
                 residual,
                 norm,
-                bound: (norm + inner).max(node.bound),
-                reals,
-                multiplier,
-                stage: if k == 0 { Stage::Bounded } else { Stage::Children { next: None } },
+                bound: norm.max(node.bound),
+                reals: node.reals - levels.gains[k] * residual,
+                multiplier: node.multiplier,
+                stage: if k == 0 { Stage::Bounded } else { Stage::Unasked },
             };
             self.push(child);
             siblings.advance();
@@ -223,10 +263,10 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
     /// others come first then.
     fn settle(
         &mut self,
-        constraint: &impl Constraint<P, Multiplier = M>,
+        constraint: &mut impl Constraint<P, Multiplier = M>,
         index: usize,
     ) -> Result<(), AmbiguityError> {
-        let next = self.queue.peek().map_or(f64::INFINITY, |queued| queued.bound);
+        let next = self.next_bound();
         let node = &mut self.nodes[index];
         let inner = match constraint.cost(&node.reals, node.multiplier, next - node.norm)? {
             Cost::Exact(inner) => {
@@ -321,6 +361,8 @@ impl<const P: usize, M> Node<P, M> {
 /// What is to be done with a node when its turn comes.
 #[derive(Debug, Clone, Copy)]
 enum Stage {
+    /// The bound is that of the branch above: the constraint may raise it.
+    Unasked,
     /// Open its children, from `next` on.
     Children { next: Option<Siblings> },
     /// All integers are fixed: compute the cost.

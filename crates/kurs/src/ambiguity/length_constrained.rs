@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{
     AmbiguityError, MixedFloat,
-    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels},
+    best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels, informative},
     decorrelate::Decorrelation,
     search::DEFAULT_HORIZON,
     sphere::{Length, SphereMetric},
@@ -72,14 +72,14 @@ impl LengthConstrained {
         let levels = Levels::<3>::new(&self.decorrelation, float)?;
         let conditional: Matrix3<f64> =
             float.conditional_covariance_m2.fixed_view::<3, 3>(0, 0).into();
-        let spheres = Spheres::new(levels.covariances(conditional), length)?;
+        let mut spheres = Spheres::new(levels.covariances(conditional).collect(), length)?;
         let extent = Extent { count, horizon: self.horizon, node_budget: self.node_budget };
-        let (leaves, proven_to) = self.tree.cheapest(&levels, &spheres, extent)?;
+        let (leaves, proven_to) = self.tree.cheapest(&levels, &mut spheres, extent)?;
         self.proven_to = proven_to;
         let candidates = leaves.into_iter().map(|leaf| LengthCandidate {
             integers: leaf.integers,
             cost: leaf.cost,
-            baseline_m: spheres.0[0].nearest(&leaf.reals),
+            baseline_m: spheres.last.nearest(&leaf.reals),
         });
         Ok(candidates.collect())
     }
@@ -98,30 +98,49 @@ impl LengthConstrained {
     }
 }
 
-/// One sphere in the metrics of all levels.
-struct Spheres(Vec<SphereMetric>);
+/// One sphere in the metrics of all levels, each prepared when it is first asked for.
+struct Spheres {
+    /// `Q₀ … Qₙ`, m².
+    covariances_m2: Vec<Matrix3<f64>>,
+    informative: Vec<bool>,
+    metrics: Vec<Option<SphereMetric>>,
+    /// The metric of level 0: every integer fixed.
+    last: SphereMetric,
+    length: Length,
+}
 
 impl Spheres {
-    fn new(
-        covariances: impl Iterator<Item = Matrix3<f64>>,
-        length: Length,
-    ) -> Result<Self, AmbiguityError> {
-        covariances.map(|q| SphereMetric::new(&q, length)).collect::<Result<_, _>>().map(Self)
+    fn new(covariances_m2: Vec<Matrix3<f64>>, length: Length) -> Result<Self, AmbiguityError> {
+        let last = SphereMetric::new(&covariances_m2[0], length)?;
+        let informative = informative(&covariances_m2);
+        let metrics = vec![None; covariances_m2.len()];
+        Ok(Self { covariances_m2, informative, metrics, last, length })
     }
 }
 
 impl Constraint<3> for Spheres {
     type Multiplier = f64;
 
-    fn bound(&self, level: usize, reals: &Vector3<f64>, start: Option<f64>) -> (f64, f64) {
-        match start {
-            Some(multiplier) => self.0[level].lower_bound(reals, multiplier),
-            None => self.0[level].cost_and_multiplier(reals),
+    fn is_informative(&self, level: usize) -> bool {
+        self.informative[level]
+    }
+
+    fn bound(&mut self, level: usize, reals: &Vector3<f64>, start: Option<f64>) -> (f64, f64) {
+        let metric = &mut self.metrics[level];
+        if metric.is_none() {
+            *metric = SphereMetric::new(&self.covariances_m2[level], self.length).ok();
+        }
+        // Covariances grow from level to level: they are as positive definite as the first. If
+        // rounding says otherwise, zero is a bound too.
+        match (metric, start) {
+            (Some(metric), Some(multiplier)) => metric.lower_bound(reals, multiplier),
+            (Some(metric), None) => metric.cost_and_multiplier(reals),
+            (None, _) => (0.0, start.unwrap_or(0.0)),
         }
     }
 
-    fn cost(&self, reals: &Vector3<f64>, _: f64, _: f64) -> Result<Cost, AmbiguityError> {
-        Ok(Cost::Exact(self.0[0].cost(reals)))
+    fn cost(&mut self, reals: &Vector3<f64>, _: f64, _: f64) -> Result<Cost, AmbiguityError> {
+        Ok(Cost::Exact(self.last.cost(reals)))
     }
 }
 

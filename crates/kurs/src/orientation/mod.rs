@@ -7,6 +7,7 @@
 
 pub mod consistency;
 pub mod geometry;
+pub mod survey;
 
 use nalgebra::{Matrix3, Vector3};
 

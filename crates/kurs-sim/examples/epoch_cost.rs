@@ -1,0 +1,75 @@
+//! Time of a whole epoch, from observations to attitude, one core:
+//! `cargo run --release -p kurs-sim --example epoch_cost [SCENARIO.toml] [EPOCHS]`.
+//!
+//! Prints the median and the 99th percentile over the epochs of a scenario (by default the car with
+//! its four antennas, all systems and two bands) for each constraint.
+#![expect(clippy::print_stdout, reason = "the times are for reading")]
+
+use std::time::Instant;
+
+use kurs::array::AntennaArray;
+use kurs::engine::{Constraint, Engine, Settings};
+use kurs::frames::Vector;
+use kurs::observation::ArrayEpoch;
+use kurs::sky::NoiseModel;
+use kurs::solution::Status;
+use kurs_sim::scenario::Scenario;
+use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
+use nalgebra::Vector3;
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let file = arguments.next().unwrap_or_else(|| "scenarios/car.toml".into());
+    let count = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(1000);
+    let text = std::fs::read_to_string(&file).expect("the scenario can be read");
+    let scenario: Scenario = toml::from_str(&text).expect("a scenario");
+    let antennas = &scenario.body[0].antenna;
+    let places = antennas.iter().map(|a| Vector::from_xyz(Vector3::from(a.position_m))).collect();
+    let array = AntennaArray::new(places).expect("an array");
+
+    let mut simulation = Simulation::new(scenario, &Attachments::default())
+        .expect("a scenario that can be simulated");
+    let navigation = simulation.navigation().clone();
+    let mut epochs: Vec<ArrayEpoch> = Vec::new();
+    let mut simulated = SimulatedEpoch::default();
+    while epochs.len() < count && simulation.next_epoch(&mut simulated) {
+        epochs.push(simulated.bodies[0].observed.clone());
+    }
+
+    for constraint in [Constraint::None, Constraint::Length, Constraint::Array] {
+        let settings = Settings {
+            antennas: array.len(),
+            array: Some(array.clone()),
+            points_m: Vec::new(),
+            bands: None,
+            elevation_mask_rad: 10f64.to_radians(),
+            constraint,
+            array_sd_m: 0.002,
+            max_wrong_fix_rate: 0.001,
+            max_tilt_rad: core::f64::consts::FRAC_PI_2,
+            residuals: false,
+            noise: NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 },
+        };
+        let mut engine = Engine::new(settings, navigation.clone()).expect("settings that work");
+        let (mut times_ms, mut fixed, mut ambiguities, mut satellites) = (Vec::new(), 0, 0, 0);
+        for epoch in &epochs {
+            let start = Instant::now();
+            let row = engine.push(epoch);
+            times_ms.push(1e3 * start.elapsed().as_secs_f64());
+            fixed += usize::from(row.status == Status::Fixed);
+            ambiguities += row.ambiguities;
+            satellites += row.satellites;
+        }
+        times_ms.sort_by(f64::total_cmp);
+        let quantile = |share: f64| times_ms[(share * (times_ms.len() - 1) as f64) as usize];
+        println!(
+            "{constraint:?}: {} epochs, {:.1} satellites, {:.1} ambiguities, {:.2} % fixed, p50 {:.2} ms, p99 {:.2} ms",
+            times_ms.len(),
+            satellites as f64 / times_ms.len() as f64,
+            ambiguities as f64 / times_ms.len() as f64,
+            100.0 * fixed as f64 / times_ms.len() as f64,
+            quantile(0.5),
+            quantile(0.99),
+        );
+    }
+}
