@@ -7,6 +7,7 @@
 mod calibrate;
 mod config_file;
 mod demo;
+mod doctor;
 mod failure;
 mod fuse;
 mod inspect;
@@ -20,6 +21,7 @@ mod sensor_log;
 mod simulate;
 mod solve;
 mod summary;
+mod survey;
 mod table;
 mod tables;
 mod track;
@@ -47,6 +49,8 @@ enum Command {
     Track(track::Args),
     Calibrate(calibrate::Args),
     Fuse(fuse::Args),
+    Survey(survey::Args),
+    Doctor(doctor::Args),
     Inspect(inspect::Args),
 }
 
@@ -60,6 +64,8 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(&args),
         Command::Track(args) => track::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Survey(args) => survey::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Fuse(args) => fuse::run(&args),
     };

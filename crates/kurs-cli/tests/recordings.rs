@@ -9,6 +9,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use kurs::array::AntennaArray;
+use kurs::engine::{Constraint, Engine, Settings};
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
+use kurs::observation::{AntennaEpoch, ArrayEpoch};
+use kurs::point;
+use kurs::signal::System;
+use kurs::sky::{Horizon, View};
+use kurs::solution::Status;
+use kurs_formats::session::SessionReader;
+use kurs_formats::source::Source;
+use nalgebra::Vector3;
 
 type Row = BTreeMap<String, String>;
 
@@ -286,4 +298,60 @@ fn positions_and_static_velocity() {
             assert!(rms <= 0.05, "{} {bands:?}: {rms}", recording.base);
         }
     }
+}
+
+/// A sky of six GPS satellites, one band, length known to 2 mm: few epochs can be fixed, none wrongly.
+#[test]
+fn only_the_six_highest_satellites() {
+    let Some(data) = data() else { return };
+    let mut navigation = NavigationData::default();
+    let mut source = Source::open(data.join(MATRTKLIB.navigation)).unwrap();
+    kurs_formats::navigation::read(&mut source, &mut navigation).unwrap();
+    let ends = vec![Vector::new(0.0, 0.0, 0.0), Vector::new(0.990, 0.0, 0.0)];
+    let settings = Settings {
+        antennas: 2,
+        array: Some(AntennaArray::new(ends).unwrap()),
+        bands: Some(vec!["G1".parse().unwrap()]),
+        elevation_mask_rad: 10f64.to_radians(),
+        constraint: Constraint::Length,
+        ..Settings::default()
+    };
+    let mut engine = Engine::new(settings, navigation.clone()).unwrap();
+    let open = |file| SessionReader::open(&[data.join(file)]).unwrap();
+    let (mut base, mut rover) = (open(MATRTKLIB.base), open(MATRTKLIB.rover));
+    let mut epoch =
+        ArrayEpoch { antennas: vec![Some(AntennaEpoch::default()); 2], ..ArrayEpoch::default() };
+    let (mut epochs, mut fixed, mut wrong) = (0, 0, 0);
+    let [x, y, z] = MATRTKLIB.base_ecef_m.unwrap();
+    let horizon = Horizon::at(Vector::new(x, y, z));
+    loop {
+        let [first, second] = &mut epoch.antennas[..] else { unreachable!() };
+        let (first, second) = (first.as_mut().unwrap(), second.as_mut().unwrap());
+        if !base.next_epoch(first).unwrap() || !rover.next_epoch(second).unwrap() {
+            break;
+        }
+        epoch.time = first.time;
+        // Both receivers have the same epochs.
+        assert!((first.time - second.time).abs() < 0.01);
+        let mut tracked = Vec::new();
+        point::track(first, &navigation, |system| system == System::Gps, &mut tracked);
+        let elevation_rad = |t: &point::Tracked| {
+            horizon.direction(View::new(&t.state, Vector::new(x, y, z)).line_of_sight).elevation_rad
+        };
+        tracked.sort_by(|a, b| elevation_rad(b).total_cmp(&elevation_rad(a)));
+        let six: Vec<_> = tracked.iter().take(6).map(|t| t.satellite).collect();
+        for antenna in epoch.antennas.iter_mut().flatten() {
+            antenna.observations.retain(|o| six.contains(&o.satellite));
+        }
+        let row = engine.push(&epoch);
+        epochs += 1;
+        if row.status == Status::Fixed {
+            fixed += 1;
+            let error = row.baselines[0].baseline_m.xyz() - Vector3::from(MATRTKLIB.truth_m);
+            wrong += usize::from(error.amax() > 0.05);
+        }
+    }
+    println!("six satellites: {fixed} of {epochs} fixed, {wrong} wrong");
+    assert_eq!((epochs, wrong), (301, 0));
+    assert!(f64::from(fixed) >= 0.6 * f64::from(epochs), "{fixed} of {epochs}");
 }

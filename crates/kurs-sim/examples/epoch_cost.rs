@@ -11,7 +11,6 @@ use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
-use kurs::sky::NoiseModel;
 use kurs::solution::Status;
 use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
@@ -40,15 +39,8 @@ fn main() {
         let settings = Settings {
             antennas: array.len(),
             array: Some(array.clone()),
-            points_m: Vec::new(),
-            bands: None,
-            elevation_mask_rad: 10f64.to_radians(),
             constraint,
-            array_sd_m: 0.002,
-            max_wrong_fix_rate: 0.001,
-            max_tilt_rad: core::f64::consts::FRAC_PI_2,
-            residuals: false,
-            noise: NoiseModel { code_zenith_m: 0.3, phase_zenith_m: 0.002, full_cn0_dbhz: 45.0 },
+            ..Settings::default()
         };
         let mut engine = Engine::new(settings, navigation.clone()).expect("settings that work");
         let (mut times_ms, mut fixed, mut ambiguities, mut satellites) = (Vec::new(), 0, 0, 0);

@@ -71,6 +71,7 @@ fn the_car_is_solved_with_honest_sigmas() {
         max_wrong_fix_rate: 0.001,
         max_tilt_rad: core::f64::consts::FRAC_PI_2,
         residuals: false,
+        first_antenna_m: None,
         noise: NoiseModel {
             code_zenith_m: 0.3,
             phase_zenith_m: 0.002,

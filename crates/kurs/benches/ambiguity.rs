@@ -73,6 +73,6 @@ fn array_constrained(bencher: Bencher, satellites: usize) {
     let mut turn = epochs.iter().cycle();
     bencher.bench_local(move || {
         let float = turn.next().expect("a cycle has no end");
-        search.solve(float, &[satellites - 1; 2], black_box(&body_m), 0.002, 2)
+        search.solve(float.clone(), &[satellites - 1; 2], black_box(&body_m), 0.002, 2)
     });
 }

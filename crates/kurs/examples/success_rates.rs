@@ -102,7 +102,7 @@ impl Row {
             .map(|found| found[0].integers == epoch.integers[..n]);
         let array = self
             .array
-            .solve(&epoch.float, &[n, n], body_m, 0.0, 1)
+            .solve(epoch.float.clone(), &[n, n], body_m, 0.0, 1)
             .map(|found| found[0].integers == epoch.integers);
         for (column, outcome) in [free, length, array].into_iter().enumerate() {
             match outcome {

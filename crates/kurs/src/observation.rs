@@ -65,4 +65,6 @@ pub struct ArrayEpoch {
     pub time: GpsTime,
     /// One entry an antenna, in the order of the configuration.
     pub antennas: Vec<Option<AntennaEpoch>>,
+    /// The fixed station, if there is one and it has this epoch.
+    pub station: Option<AntennaEpoch>,
 }

@@ -206,7 +206,7 @@ pub fn array_constrained_success_rate(
     let ambiguities_of = vec![of_one.ambiguities.len(); count];
     let mut search = ArrayConstrained::default();
     share_of_right_integers(&float, &truth_m, draws, random, |float| {
-        let best = search.solve(float, &ambiguities_of, &body_m, array_sd_m, 1).ok()?;
+        let best = search.solve(float.clone(), &ambiguities_of, &body_m, array_sd_m, 1).ok()?;
         Some(best.into_iter().next()?.integers)
     })
 }

@@ -95,10 +95,15 @@ pub struct EpochSolution {
     pub baselines: Vec<BaselineEstimate>,
     /// Further points of the body, in the order of the configuration.
     pub points: Vec<PointEstimate>,
+    /// Antennas by code differences to a fixed station; empty without one. The index is that of the
+    /// antenna.
+    pub by_code: Vec<PointEstimate>,
     /// What the solution leaves of each signal; empty unless wanted.
     pub residuals: Vec<SignalResidual>,
-    /// The integers that the baselines rest on, accepted or not; empty unless wanted.
+    /// The best integers, accepted or not; empty unless wanted.
     pub integers: Vec<IntegerSum>,
+    /// Probability of all other integers over that of the best; `None` unless wanted.
+    pub rivals: Option<f64>,
 }
 
 /// Whole cycles of the links of one double difference, added up with their signs.
@@ -176,7 +181,7 @@ pub struct BaselineEstimate {
     pub covariance_m2: Matrix3<f64>,
 }
 
-/// A point of the body in the outside frame.
+/// A point of the body, or an antenna, in the outside frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointEstimate {
     /// Index in the configuration.
@@ -207,8 +212,10 @@ impl EpochSolution {
             position: None,
             baselines: Vec::new(),
             points: Vec::new(),
+            by_code: Vec::new(),
             residuals: Vec::new(),
             integers: Vec::new(),
+            rivals: None,
         }
     }
 }

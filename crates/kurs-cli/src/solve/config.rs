@@ -469,6 +469,7 @@ impl Loaded {
             max_wrong_fix_rate: solve.max_wrong_fix_rate,
             max_tilt_rad: solve.max_tilt_deg.to_radians(),
             residuals: false,
+            first_antenna_m: None,
             noise: NoiseModel {
                 code_zenith_m: solve.code_sd_m,
                 phase_zenith_m: solve.phase_sd_m,

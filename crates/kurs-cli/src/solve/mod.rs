@@ -1,21 +1,19 @@
 //! `kurs solve`: observation and navigation files in, attitude out.
 
-mod config;
+pub(crate) mod config;
+mod input;
 mod nmea;
 mod phase_centers;
 mod review;
-mod streams;
+pub(crate) mod streams;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::engine::{Engine, Settings};
-use kurs::ephemeris::NavigationData;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
-use kurs_formats::content::Content;
-use kurs_formats::source::Source;
 
 use crate::failure::UsageError;
 use crate::output::OutputFile;
@@ -24,9 +22,10 @@ use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
 use config::{Loaded, Overrides};
+pub(crate) use input::{Input, antenna_names};
 use nmea::NmeaLog;
 use review::Review;
-use streams::{AntennaFiles, Streams};
+use streams::Streams;
 
 /// Attitude, baselines and position from observation and navigation files.
 #[derive(Debug, clap::Args)]
@@ -111,8 +110,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
-    let (navigation, mut damage) = read_navigation(&loaded)?;
-    let mut streams = Streams::open(observation_files(&loaded))?;
+    let Input { navigation, mut streams, mut damage } = Input::open(&loaded)?;
     let mut review = Review::new(args, &loaded, &navigation)?;
     let mounts = phase_centers::read(&loaded, &mut damage)?;
     let mut engine = Engine::new(settings, navigation)
@@ -152,55 +150,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
-}
-
-/// Navigation data of all files, the logs among the observation files too; what was damaged in them.
-fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damage>)> {
-    let mut navigation = NavigationData::default();
-    let mut damage = Vec::new();
-    let given = loaded.config.nav.files.iter().map(|file| loaded.path(file));
-    let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
-    for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
-        let path = loaded.path(file);
-        if !files.contains(&path)
-            && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
-        {
-            files.push(path);
-        }
-    }
-    if files.is_empty() {
-        let expected = "no navigation file: give `[nav] files` or --nav FILE";
-        return Err(UsageError(expected.into()).into());
-    }
-    for (index, path) in files.iter().enumerate() {
-        let mut source = Source::open(path)?;
-        let near = loaded.approximate_time();
-        let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
-        // Damage of an observation log is found again with the observations.
-        if index < given_count {
-            let entries = summary.damage.listed().iter();
-            damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
-        }
-    }
-    if navigation.ephemerides.is_empty() {
-        bail!("no usable ephemeris in the navigation files");
-    }
-    Ok((navigation, damage))
-}
-
-fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
-    let antennas = loaded.config.antenna.iter();
-    antennas
-        .map(|a| AntennaFiles {
-            name: a.name.clone(),
-            files: a.obs.iter().map(|path| loaded.path(path)).collect(),
-            options: loaded.log_options(a),
-        })
-        .collect()
-}
-
-fn antenna_names(loaded: &Loaded) -> Vec<String> {
-    loaded.config.antenna.iter().map(|a| a.name.clone()).collect()
 }
 
 /// The row of an epoch of which no attitude can ever come: only one antenna has any observations.

@@ -77,6 +77,7 @@ impl Scene {
                 channel_sd_m: 0.0,
             },
             residuals: false,
+            first_antenna_m: None,
         };
         Self { simulation, settings }
     }

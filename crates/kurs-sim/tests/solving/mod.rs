@@ -21,6 +21,8 @@ pub(crate) fn ready(name: &str) -> Scenario {
         "car" => include_str!("../../../../scenarios/car.toml"),
         "ship" => include_str!("../../../../scenarios/ship.toml"),
         "uav" => include_str!("../../../../scenarios/uav.toml"),
+        "urban" => include_str!("../../../../scenarios/urban.toml"),
+        "few-satellites" => include_str!("../../../../scenarios/few-satellites.toml"),
         other => panic!("no scenario {other}"),
     };
     toml::from_str(text).unwrap()
@@ -62,6 +64,7 @@ pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings 
         max_tilt_rad: core::f64::consts::FRAC_PI_2,
         noise: NOISE,
         residuals: true,
+        first_antenna_m: None,
     }
 }
 

@@ -85,7 +85,7 @@ impl ArrayConstrained {
     /// [`AmbiguityError`].
     pub fn solve(
         &mut self,
-        float: &MixedFloat,
+        float: MixedFloat,
         ambiguities_of: &[usize],
         body_m: &[Vector3<f64>],
         array_sd_m: f64,
@@ -93,7 +93,7 @@ impl ArrayConstrained {
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
         let shape = Shape::new(body_m)?;
         let softened = softened(float, body_m.len(), array_sd_m)?;
-        let (axes_float, misfit) = shape.reduced(&softened)?;
+        let (axes_float, misfit) = shape.reduced(softened)?;
         let mut candidates = match shape.dimension() {
             1 => self.on_a_line(&axes_float, &shape, count),
             2 => {
@@ -290,7 +290,7 @@ impl Shape {
 
     /// The float solution with the axes `f` in the place of the baselines, and what the linear
     /// conditions among more baselines than axes cost whatever the integers.
-    fn reduced(&self, float: &MixedFloat) -> Result<(MixedFloat, f64), AmbiguityError> {
+    fn reduced(&self, float: MixedFloat) -> Result<(MixedFloat, f64), AmbiguityError> {
         let (float, misfit) = self.with_linear_conditions(float)?;
         let identity = Matrix3::<f64>::identity();
         // f = T⁺ x,   T = Gᵀ ⊗ I,   T⁺ = (G Gᵀ)⁻¹ G ⊗ I
@@ -319,12 +319,12 @@ impl Shape {
     /// ```
     fn with_linear_conditions(
         &self,
-        float: &MixedFloat,
+        float: MixedFloat,
     ) -> Result<(MixedFloat, f64), AmbiguityError> {
         let g = &self.coordinates_m;
         let (r, k) = g.shape();
         if k == r {
-            return Ok((float.clone(), 0.0));
+            return Ok((float, 0.0));
         }
         let eigen = (g.transpose() * g).symmetric_eigen();
         let mut order: Vec<usize> = (0..k).collect();
@@ -358,7 +358,7 @@ impl Shape {
 /// Adds what the surveyed antenna positions are uncertain by: `Q_x|a + s² (I + 11ᵀ) ⊗ I`, for
 /// antenna 0 is in every baseline.
 fn softened(
-    float: &MixedFloat,
+    mut float: MixedFloat,
     baselines: usize,
     array_sd_m: f64,
 ) -> Result<MixedFloat, AmbiguityError> {
@@ -369,9 +369,8 @@ fn softened(
     }
     let shared = DMatrix::from_fn(baselines, baselines, |i, j| if i == j { 2.0 } else { 1.0 });
     let survey = shared.kronecker(&Matrix3::<f64>::identity()) * array_sd_m.powi(2);
-    let mut softened = float.clone();
-    softened.conditional_covariance_m2 += survey;
-    Ok(softened)
+    float.conditional_covariance_m2 += survey;
+    Ok(float)
 }
 
 fn cholesky(
@@ -409,7 +408,7 @@ mod tests {
         let e = DVector::from_fn(integers.len(), |i, _| float.ambiguities[i] - integers[i] as f64);
         let solved = cholesky(&float.ambiguity_covariance).unwrap().solve(&e);
         let conditional = &float.reals_m - &float.cross_covariance * &solved;
-        let q = softened(float, body_m.len(), sd_m).unwrap().conditional_covariance_m2;
+        let q = softened(float.clone(), body_m.len(), sd_m).unwrap().conditional_covariance_m2;
         let inverse = cholesky(&q).unwrap().inverse();
         let weight = 0.5 * (&inverse + inverse.transpose());
         let problem = joint::problem(body_m, &conditional, &weight).unwrap();
@@ -433,7 +432,7 @@ mod tests {
             let baselines: Vec<_> = body_m.iter().map(|b| rotation * b).collect();
             let epoch = sky.epoch(&mut random, &[L1_M], noise, &baselines);
             let of = vec![satellites - 1; body_m.len()];
-            let found = search.solve(&epoch.float, &of, body_m, 0.002, 2).unwrap();
+            let found = search.solve(epoch.float.clone(), &of, body_m, 0.002, 2).unwrap();
             for candidate in &found {
                 let expected = cost(&epoch.float, &candidate.integers, body_m, 0.002);
                 let error = (candidate.cost - expected).abs();
@@ -503,7 +502,7 @@ mod tests {
             let rotation = random_rotation(&mut random);
             let baselines: Vec<_> = line.iter().map(|b| rotation * b).collect();
             let epoch = sky.epoch(&mut random, &[L1_M], NOISE, &baselines);
-            let found = search.solve(&epoch.float, &[5, 5], &line, 0.0, 2).unwrap();
+            let found = search.solve(epoch.float.clone(), &[5, 5], &line, 0.0, 2).unwrap();
             assert!(found[0].outside_from_body.is_none());
             assert!((found[0].baselines_m[0] * -2.0 - found[0].baselines_m[1]).norm() < 1e-12);
             if found[0].integers == epoch.integers {
@@ -520,7 +519,7 @@ mod tests {
         let sky = Sky::random(&mut random, 7);
         let epoch = sky.epoch(&mut random, &[L1_M], NOISE, &[Vector3::new(0.0, 2.0, 0.0)]);
         let found = ArrayConstrained::default()
-            .solve(&epoch.float, &[6], &body(&[[2.0, 0.0, 0.0]]), 0.0, 2)
+            .solve(epoch.float.clone(), &[6], &body(&[[2.0, 0.0, 0.0]]), 0.0, 2)
             .unwrap();
         let length = Length { length_m: 2.0, sd_m: 0.0 };
         let expected = LengthConstrained::default().solve(&epoch.float, length, 2).unwrap();

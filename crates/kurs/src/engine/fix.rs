@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::ambiguity::array_constrained::ArrayConstrained;
 use crate::ambiguity::length_constrained::LengthConstrained;
@@ -61,8 +61,11 @@ pub(super) struct Outcome {
     pub(super) baselines: Baselines,
     /// Corrections to the approximate baselines that `baselines` holds, m.
     pub(super) correction_m: DVector<f64>,
-    /// The best integers, accepted or not, where `correction_m` follows from them.
+    /// The integers that `correction_m` follows from, accepted or refused; `None` for a float
+    /// solution.
     pub(super) integers: Option<Vec<f64>>,
+    /// The best integers of the search, and the probability of all others over theirs.
+    pub(super) best: Option<(Vec<f64>, f64)>,
 }
 
 /// The best integers and how they stand against the others.
@@ -188,10 +191,10 @@ impl Fixer {
         let ambiguities_of: Vec<usize> = (0..body_m.len())
             .map(|block| float.baseline_of.iter().filter(|b| **b == block).count())
             .collect();
-        let mixed = reordered(&mixed_float(float, &frame.approximate())?, &order);
+        let mixed = reordered(mixed_float(float, &frame.approximate())?, &order);
         let candidates = self
             .array
-            .solve(&mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES)
+            .solve(mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES)
             .map_err(reason)?;
         let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
         let variances = self.array.decorrelation().conditional_variances();
@@ -308,12 +311,17 @@ fn mixed_float(float: &FloatSolution, approximate_m: &DVector<f64>) -> Result<Mi
 }
 
 /// The same with its ambiguities in another order.
-fn reordered(mixed: &MixedFloat, order: &[usize]) -> MixedFloat {
+fn reordered(mixed: MixedFloat, order: &[usize]) -> MixedFloat {
+    if order.is_sorted() {
+        return mixed;
+    }
+    let n = order.len();
+    let (covariance, cross) = (&mixed.ambiguity_covariance, &mixed.cross_covariance);
     MixedFloat {
         ambiguities: mixed.ambiguities.select_rows(order),
-        ambiguity_covariance: mixed.ambiguity_covariance.select_rows(order).select_columns(order),
-        cross_covariance: mixed.cross_covariance.select_columns(order),
-        ..mixed.clone()
+        ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| covariance[(order[i], order[j])]),
+        cross_covariance: cross.select_columns(order),
+        ..mixed
     }
 }
 
@@ -341,6 +349,7 @@ impl Outcome {
             },
             correction_m: float.correction_m.clone(),
             integers: None,
+            best: None,
         }
     }
 
@@ -355,6 +364,7 @@ impl Outcome {
     ) -> Fit {
         self.success_rate = Some(found.success_rate);
         self.ratio = Some(found.ratio);
+        self.best = Some((found.integers.clone(), found.rivals));
         let Some(conditional) = float.conditional(&found.integers) else {
             self.verdict = Verdict::Float(Reason::WeakModel);
             return Fit::default();

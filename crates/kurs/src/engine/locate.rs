@@ -67,7 +67,7 @@ pub(super) fn locate(
     let point_settings =
         PointSettings { elevation_mask_rad: settings.elevation_mask_rad, noise: settings.noise };
     let mut buffers: Vec<Vec<Tracked>> = located.drain(..).map(|l| l.tracked).collect();
-    for (antenna, observed) in epoch.antennas.iter().enumerate() {
+    for (antenna, observed) in epoch.antennas.iter().take(settings.antennas).enumerate() {
         let Some(observed) = observed else { continue };
         let mut tracked = buffers.pop().unwrap_or_default();
         let without_ephemeris = point::track(
@@ -76,7 +76,11 @@ pub(super) fn locate(
             |system| settings.wants_system(system),
             &mut tracked,
         );
-        let point = point::solve(&tracked, navigation, observed.time, &point_settings);
+        let mut point = point::solve(&tracked, navigation, observed.time, &point_settings);
+        if let (0, Some(known_m), Ok(point)) = (antenna, settings.first_antenna_m, &mut point) {
+            point.position_m = known_m;
+            point.horizon = Horizon::at(known_m);
+        }
         let velocity = point
             .as_ref()
             .ok()

@@ -5,6 +5,7 @@ mod locate;
 mod noise_scale;
 mod orientation;
 mod settings;
+mod station;
 
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
@@ -15,7 +16,7 @@ use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
 use crate::float_solution::recursive::RecursiveFloat;
 use crate::float_solution::{FloatSolution, NoFloat};
-use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation};
+use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
@@ -23,6 +24,7 @@ use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
 use fix::{Fixer, Verdict};
 use locate::{Located, locate};
+use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
 #[derive(Debug)]
@@ -39,6 +41,7 @@ pub struct Engine {
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
     ned_from_body: Option<Rotation<Ned, Body>>,
+    station: Option<Box<Station>>,
 }
 
 impl Engine {
@@ -50,7 +53,7 @@ impl Engine {
     pub fn new(settings: Settings, navigation: NavigationData) -> Result<Self, SettingsError> {
         settings.check()?;
         let carried = match settings.ambiguities {
-            Ambiguities::Instantaneous => None,
+            Ambiguities::Instantaneous | Ambiguities::CodeOnly => None,
             Ambiguities::Continuous(motion) => {
                 Some((Continuity::default(), RecursiveFloat::new(motion)))
             }
@@ -64,7 +67,20 @@ impl Engine {
             fixer: Fixer::default(),
             mounts: Vec::new(),
             ned_from_body: None,
+            station: None,
         })
+    }
+
+    /// The same with a fixed station at a known place (ECEF, m), whose observations are
+    /// [`ArrayEpoch::station`]: rows then have the coordinates relative to it.
+    ///
+    /// # Errors
+    ///
+    /// [`SettingsError`] for settings that cannot work.
+    pub fn with_station(mut self, position_m: Vector<Ecef>) -> Result<Self, SettingsError> {
+        let station = Station::new(position_m, &self.settings, &self.navigation)?;
+        self.station = Some(Box::new(station));
+        Ok(self)
     }
 
     /// The same with the phase centres of the antennas (`None` where they are not known). The places
@@ -86,6 +102,9 @@ impl Engine {
         row.antennas = self.located.len();
         row.position = self.first_position();
         row.time_utc = self.true_time().map(|time| self.navigation.utc(time));
+        if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
+            station.improve(epoch, observed, &mut row);
+        }
         if let Err(reason) = self.relative(epoch, &mut row) {
             row.reason = Some(reason);
         }
@@ -172,8 +191,10 @@ impl Engine {
                 integers: outcome.integers.as_deref(),
             };
             row.residuals = signal_residuals(&self.links, &groups, &solved);
-            let sums = |integers| integer_sums(&self.links, &groups, integers);
-            row.integers = solved.integers.map_or_else(Vec::new, sums);
+            let sums = |integers: &[f64]| integer_sums(&self.links, &groups, integers);
+            if let Some((integers, rivals)) = &outcome.best {
+                (row.integers, row.rivals) = (sums(integers), Some(*rivals));
+            }
         }
         let orientation = orientation::orient(
             &outcome.baselines,
@@ -221,6 +242,9 @@ impl Engine {
                 |band| self.settings.wants(band),
                 &mut self.links,
             );
+        }
+        if self.settings.ambiguities == Ambiguities::CodeOnly {
+            self.links.iter_mut().for_each(|link| link.phase_m = None);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::array::{AntennaArray, ArrayError};
 use crate::float_solution::recursive::Motion;
-use crate::frames::{Body, Vector};
+use crate::frames::{Body, Ecef, Vector};
 use crate::signal::{Band, System};
 use crate::sky::NoiseModel;
 
@@ -22,6 +22,8 @@ pub enum Constraint {
 pub enum Ambiguities {
     /// Nothing: each epoch stands alone.
     Instantaneous,
+    /// Phases are not used at all.
+    CodeOnly,
     /// The float ambiguities, constant between cycle slips; the baselines move in this way.
     Continuous(Motion),
 }
@@ -53,6 +55,29 @@ pub struct Settings {
     pub noise: NoiseModel,
     /// Whether rows carry the residuals of every signal, and the integers.
     pub residuals: bool,
+    /// Where the first antenna stands, if it is a fixed station, m.
+    pub first_antenna_m: Option<Vector<Ecef>>,
+}
+
+/// What `kurs solve` does when it is told nothing, with two antennas.
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            antennas: 2,
+            array: None,
+            points_m: Vec::new(),
+            bands: None,
+            elevation_mask_rad: 10f64.to_radians(),
+            ambiguities: Ambiguities::Instantaneous,
+            constraint: Constraint::None,
+            array_sd_m: 0.002,
+            max_wrong_fix_rate: 0.001,
+            max_tilt_rad: core::f64::consts::FRAC_PI_2,
+            noise: NoiseModel { code_zenith_m: 0.2, phase_zenith_m: 0.0015, full_cn0_dbhz: 45.0 },
+            residuals: false,
+            first_antenna_m: None,
+        }
+    }
 }
 
 /// Settings that cannot work; afterwards configuration is no longer a reason to fail.

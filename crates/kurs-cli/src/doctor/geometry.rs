@@ -1,0 +1,176 @@
+//! The distances between the antennas as the data have them, against those of the configuration.
+
+use kurs::array::AntennaArray;
+use kurs::engine::{Constraint, Engine, Settings};
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
+use kurs::observation::ArrayEpoch;
+use kurs::solution::Status;
+
+use super::sample::Sample;
+use super::trials::Trial;
+
+/// Fixed epochs that a distance needs.
+const LEAST_FIXES: usize = 5;
+/// A distance off by less than this is not wrong: antenna phase centres alone make millimetres.
+const TOLERANCE_M: f64 = 0.010;
+/// All permutations are tried up to this number of antennas.
+const MOST_ANTENNAS: usize = 7;
+/// Lengths tried around the configured one, m, where nothing is fixed without a length.
+const SCAN_M: f64 = 0.3;
+const SCAN_STEP_M: f64 = 0.02;
+/// Epochs of the scan.
+const SCAN_EPOCHS: usize = 60;
+
+/// One pair of antennas.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Distance {
+    pub(super) first: usize,
+    pub(super) second: usize,
+    /// Median over the fixed epochs, m.
+    pub(super) found_m: f64,
+    /// By the configuration, m.
+    pub(super) known_m: f64,
+}
+
+impl Distance {
+    pub(super) fn error_m(&self) -> f64 {
+        self.found_m - self.known_m
+    }
+
+    pub(super) fn is_wrong(&self, array_sd_m: f64) -> bool {
+        self.error_m().abs() > TOLERANCE_M.max(3.0 * array_sd_m)
+    }
+}
+
+/// Distances from epochs that were fixed without known geometry.
+pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
+    let mut found = Vec::new();
+    for second in 0..array.len() {
+        for first in 0..second {
+            let fixed = free.rows.iter().filter(|row| row.status == Status::Fixed);
+            let lengths = fixed.filter_map(|row| {
+                let at = |antenna: usize| {
+                    let rover = row.baselines.iter().find(|b| b.rover == antenna);
+                    let base = row.baselines.iter().find(|b| b.base == antenna);
+                    let origin = base.map(|_| Vector::new(0.0, 0.0, 0.0));
+                    rover.map(|b| b.baseline_m).or(origin)
+                };
+                Some((at(second)? - at(first)?).norm())
+            });
+            let lengths: Vec<f64> = lengths.collect();
+            if lengths.len() >= LEAST_FIXES {
+                let known_m = (array.positions_m()[second] - array.positions_m()[first]).norm();
+                found.push(Distance { first, second, found_m: median(lengths), known_m });
+            }
+        }
+    }
+    found
+}
+
+/// Where nothing is fixed without a length: the length of each baseline from the first antenna with
+/// which most epochs are fixed.
+pub(super) fn scanned(
+    settings: &Settings,
+    navigation: &NavigationData,
+    sample: &Sample,
+    array: &AntennaArray,
+) -> Vec<Distance> {
+    let step = sample.epochs.len().div_ceil(SCAN_EPOCHS).max(1);
+    let fixes = |second: usize, length_m: f64| {
+        let ends = vec![Vector::new(0.0, 0.0, 0.0), Vector::new(length_m, 0.0, 0.0)];
+        let settings = Settings {
+            antennas: 2,
+            array: AntennaArray::new(ends).ok(),
+            points_m: Vec::new(),
+            constraint: Constraint::Length,
+            array_sd_m: SCAN_STEP_M / 2.0,
+            ..settings.clone()
+        };
+        let Ok(mut engine) = Engine::new(settings, navigation.clone()) else { return 0 };
+        let epochs = sample.epochs.iter().step_by(step);
+        let fixed = epochs.filter(|epoch| {
+            let pair = vec![epoch.antennas[0].clone(), epoch.antennas[second].clone()];
+            let of_pair = ArrayEpoch { time: epoch.time, antennas: pair, station: None };
+            engine.push(&of_pair).status == Status::Fixed
+        });
+        fixed.count()
+    };
+    let mut found = Vec::new();
+    for second in 1..array.len() {
+        let known_m = array.baseline_m(second).norm();
+        let steps = (SCAN_M / SCAN_STEP_M).round() as i32;
+        let lengths = (-steps..=steps).map(|k| known_m + f64::from(k) * SCAN_STEP_M);
+        let best = lengths
+            .filter(|length_m| *length_m > SCAN_STEP_M)
+            .map(|length_m| (fixes(second, length_m), length_m))
+            // Among equals the nearest to what is configured.
+            .max_by(|a, b| {
+                let off = |length_m: f64| -(length_m - known_m).abs();
+                a.0.cmp(&b.0).then(off(a.1).total_cmp(&off(b.1)))
+            });
+        if let Some((count, found_m)) = best.filter(|(count, _)| *count >= LEAST_FIXES) {
+            if count > fixes(second, known_m) {
+                found.push(Distance { first: 0, second, found_m, known_m });
+            }
+        }
+    }
+    found
+}
+
+/// The order of the antennas with which all distances agree, if that of the configuration does not
+/// and one does.
+pub(super) fn swapped(
+    distances: &[Distance],
+    array: &AntennaArray,
+    array_sd_m: f64,
+) -> Option<Vec<usize>> {
+    let pairs = array.len() * (array.len() - 1) / 2;
+    if array.len() > MOST_ANTENNAS || distances.len() < pairs {
+        return None;
+    }
+    let places = array.positions_m();
+    let fits = |order: &[usize]| {
+        distances.iter().all(|d| {
+            let known_m = (places[order[d.second]] - places[order[d.first]]).norm();
+            !Distance { known_m, ..*d }.is_wrong(array_sd_m)
+        })
+    };
+    let mut order: Vec<usize> = (0..array.len()).collect();
+    if fits(&order) {
+        return None;
+    }
+    // The fewest antennas out of place first.
+    let mut orders = Vec::new();
+    permute(&mut order, 0, &mut orders);
+    orders.sort_by_key(|order| order.iter().enumerate().filter(|(i, j)| i != *j).count());
+    orders.into_iter().find(|order| fits(order))
+}
+
+/// The antenna whose distances are wrong while those among the others are right.
+pub(super) fn misplaced(distances: &[Distance], antennas: usize, array_sd_m: f64) -> Option<usize> {
+    (0..antennas).find(|antenna| {
+        let (its, others): (Vec<&Distance>, Vec<&Distance>) =
+            distances.iter().partition(|d| d.first == *antenna || d.second == *antenna);
+        its.iter().any(|d| d.is_wrong(array_sd_m))
+            && !others.is_empty()
+            && !others.iter().any(|d| d.is_wrong(array_sd_m))
+    })
+}
+
+fn permute(order: &mut Vec<usize>, from: usize, all: &mut Vec<Vec<usize>>) {
+    if from == order.len() {
+        all.push(order.clone());
+        return;
+    }
+    for other in from..order.len() {
+        order.swap(from, other);
+        permute(order, from + 1, all);
+        order.swap(from, other);
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

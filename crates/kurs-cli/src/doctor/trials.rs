@@ -1,0 +1,159 @@
+//! The sample solved in several ways.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use kurs::engine::{Constraint, Engine, Settings};
+use kurs::ephemeris::NavigationData;
+use kurs::observation::ArrayEpoch;
+use kurs::signal::{Band, System};
+use kurs::solution::{EpochSolution, Status};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::causes;
+use super::sample::Sample;
+
+/// A way to solve the sample, and what came of it.
+pub(super) struct Trial {
+    pub(super) name: String,
+    pub(super) rows: Vec<EpochSolution>,
+}
+
+/// Everything that was tried.
+pub(super) struct Trials {
+    pub(super) configured: Trial,
+    /// Nothing known of the geometry.
+    pub(super) free: Trial,
+    /// Without one system each.
+    pub(super) without_system: Vec<(System, Trial)>,
+    /// Without one antenna each, if three or more are there.
+    pub(super) without_antenna: Vec<(usize, Trial)>,
+}
+
+/// A trial in `doctor.json`.
+#[derive(Serialize)]
+pub(super) struct TrialRow {
+    name: String,
+    fixed: usize,
+    float: usize,
+    inconsistent: usize,
+    lost: usize,
+    reasons: BTreeMap<&'static str, usize>,
+}
+
+impl Trials {
+    /// Solves the sample as configured and in the other ways.
+    pub(super) fn run(
+        settings: &Settings,
+        navigation: &NavigationData,
+        sample: &Sample,
+        names: &[String],
+    ) -> Self {
+        let solve = |name: String, settings: &Settings, epochs: &[ArrayEpoch]| {
+            let engine = Engine::new(settings.clone(), navigation.clone());
+            let rows = engine.map_or_else(
+                |_| Vec::new(),
+                |mut engine| epochs.iter().map(|epoch| engine.push(epoch)).collect(),
+            );
+            Trial { name, rows }
+        };
+        let settings = Settings { residuals: true, ..settings.clone() };
+        let free = Settings { array: None, constraint: Constraint::None, ..settings.clone() };
+
+        let bands = bands(sample, &settings);
+        let systems: Vec<System> =
+            System::ALL.into_iter().filter(|s| bands.iter().any(|b| b.system == *s)).collect();
+        let several = if systems.len() > 1 { systems } else { Vec::new() };
+        let without_system = several.into_par_iter().map(|system| {
+            let others = bands.iter().copied().filter(|band| band.system != system).collect();
+            let settings = Settings { bands: Some(others), ..settings.clone() };
+            let name = format!("without {}", causes::words(system));
+            (system, solve(name, &settings, &sample.epochs))
+        });
+        let removable = if names.len() > 2 { names.len() } else { 0 };
+        let without_antenna = (0..removable).into_par_iter().map(|antenna| {
+            let mut epochs = sample.epochs.clone();
+            for epoch in &mut epochs {
+                epoch.antennas[antenna] = None;
+            }
+            (antenna, solve(format!("without {}", names[antenna]), &free, &epochs))
+        });
+        Self {
+            without_system: without_system.collect(),
+            without_antenna: without_antenna.collect(),
+            configured: solve("as configured".into(), &settings, &sample.epochs),
+            free: solve("geometry unknown".into(), &free, &sample.epochs),
+        }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Trial> {
+        [&self.configured, &self.free]
+            .into_iter()
+            .chain(self.without_system.iter().map(|(_, trial)| trial))
+            .chain(self.without_antenna.iter().map(|(_, trial)| trial))
+    }
+
+    /// For `doctor.json`.
+    pub(super) fn rows(&self) -> Vec<TrialRow> {
+        let row = |trial: &Trial| TrialRow {
+            name: trial.name.clone(),
+            fixed: trial.count(Status::Fixed),
+            float: trial.count(Status::Float),
+            inconsistent: trial.count(Status::Inconsistent),
+            lost: trial.count(Status::Lost),
+            reasons: trial.reasons(),
+        };
+        self.all().map(row).collect()
+    }
+
+    /// For the terminal.
+    pub(super) fn text(&self) -> String {
+        let width = self.all().map(|trial| trial.name.len()).max().unwrap_or(0);
+        let line = |trial: &Trial| {
+            let reasons: Vec<String> =
+                trial.reasons().iter().map(|(word, count)| format!("{word} {count}")).collect();
+            let share = 100.0 * trial.share(Status::Fixed);
+            format!("{:width$}  {share:5.1} % fixed  {}\n", trial.name, reasons.join(", "))
+        };
+        self.all().map(line).collect()
+    }
+}
+
+impl Trial {
+    pub(super) fn count(&self, status: Status) -> usize {
+        self.rows.iter().filter(|row| row.status == status).count()
+    }
+
+    /// Share of the epochs.
+    pub(super) fn share(&self, status: Status) -> f64 {
+        self.count(status) as f64 / self.rows.len().max(1) as f64
+    }
+
+    pub(super) fn reasons(&self) -> BTreeMap<&'static str, usize> {
+        let mut reasons = BTreeMap::new();
+        for reason in self.rows.iter().filter_map(|row| row.reason) {
+            *reasons.entry(reason.word()).or_default() += 1;
+        }
+        reasons
+    }
+
+    /// Share of the epochs that have this reason.
+    pub(super) fn share_of_reason(&self, word: &str) -> f64 {
+        *self.reasons().get(word).unwrap_or(&0) as f64 / self.rows.len().max(1) as f64
+    }
+
+    pub(super) fn share_text(&self) -> String {
+        format!(
+            "{:.1} % of {} epochs are fixed",
+            100.0 * self.share(Status::Fixed),
+            self.rows.len()
+        )
+    }
+}
+
+/// Bands that two antennas have and that are wanted.
+pub(super) fn bands(sample: &Sample, settings: &Settings) -> BTreeSet<Band> {
+    let observations = sample.epochs.iter().flat_map(|e| e.antennas.iter().flatten());
+    let bands = observations.flat_map(|a| a.observations.iter().map(|o| o.signal.band));
+    bands.filter(|band| settings.wants(*band)).collect()
+}

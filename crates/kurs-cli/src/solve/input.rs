@@ -1,0 +1,76 @@
+//! What `solve`, `survey` and `doctor` read: navigation data, and the observations of all antennas.
+
+use anyhow::bail;
+use kurs::ephemeris::NavigationData;
+use kurs_formats::content::Content;
+use kurs_formats::source::Source;
+
+use super::config::Loaded;
+use super::streams::{AntennaFiles, Streams};
+use crate::failure::UsageError;
+use crate::summary::Damage;
+
+/// Files opened, navigation data read.
+pub(crate) struct Input {
+    pub(crate) navigation: NavigationData,
+    pub(crate) streams: Streams,
+    /// What was damaged in the navigation files.
+    pub(crate) damage: Vec<Damage>,
+}
+
+impl Input {
+    /// Opens everything that the configuration names.
+    pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
+        let (navigation, damage) = read_navigation(loaded)?;
+        Ok(Self { navigation, streams: Streams::open(observation_files(loaded))?, damage })
+    }
+}
+
+/// Navigation data of all files, the logs among the observation files too; what was damaged in them.
+fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damage>)> {
+    let mut navigation = NavigationData::default();
+    let mut damage = Vec::new();
+    let given = loaded.config.nav.files.iter().map(|file| loaded.path(file));
+    let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
+    for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
+        let path = loaded.path(file);
+        if !files.contains(&path)
+            && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
+        {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        let expected = "no navigation file: give `[nav] files` or --nav FILE";
+        return Err(UsageError(expected.into()).into());
+    }
+    for (index, path) in files.iter().enumerate() {
+        let mut source = Source::open(path)?;
+        let near = loaded.approximate_time();
+        let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
+        // Damage of an observation log is found again with the observations.
+        if index < given_count {
+            let entries = summary.damage.listed().iter();
+            damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
+        }
+    }
+    if navigation.ephemerides.is_empty() {
+        bail!("no usable ephemeris in the navigation files");
+    }
+    Ok((navigation, damage))
+}
+
+fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
+    let antennas = loaded.config.antenna.iter();
+    antennas
+        .map(|a| AntennaFiles {
+            name: a.name.clone(),
+            files: a.obs.iter().map(|path| loaded.path(path)).collect(),
+            options: loaded.log_options(a),
+        })
+        .collect()
+}
+
+pub(crate) fn antenna_names(loaded: &Loaded) -> Vec<String> {
+    loaded.config.antenna.iter().map(|a| a.name.clone()).collect()
+}

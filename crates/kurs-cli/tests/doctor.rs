@@ -1,0 +1,184 @@
+//! `kurs doctor` names the cause: ten faults put into simulated sessions, each with its own seed.
+//! `kurs survey` finds the array that was simulated.
+#![allow(clippy::unwrap_used)] // a test
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+const PLACES: [[f64; 3]; 4] =
+    [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.1, -0.5, 0.0], [-0.3, 0.65, -0.1]];
+
+/// A session: what differs from a good one.
+#[derive(Default)]
+struct Fault {
+    /// Keys of the scenario before its tables.
+    keys: &'static str,
+    /// Tables of the scenario.
+    tables: &'static str,
+    /// Keys of one antenna.
+    antenna: (usize, &'static str),
+    /// Replacements in kurs.toml.
+    configuration: Vec<(String, String)>,
+}
+
+fn kurs() -> Command {
+    Command::cargo_bin("kurs").unwrap()
+}
+
+/// Simulates a session into `directory` and returns its configuration.
+fn session(directory: &Path, seed: u64, start: &str, fault: &Fault) -> PathBuf {
+    let antennas: String = PLACES
+        .iter()
+        .enumerate()
+        .map(|(i, place)| {
+            let own = if fault.antenna.0 == i { fault.antenna.1 } else { "" };
+            format!("\n[[body.antenna]]\nname = \"A{i}\"\nposition_m = {place:?}\n{own}\n")
+        })
+        .collect();
+    let scenario = format!(
+        "seed = {seed}\nstart = \"{start}\"\nduration_s = 40.0\ninterval_s = 1.0\n{}\n\
+         [sky]\nsystems = [\"G\", \"E\", \"C\"]\n{}\n\
+         [[body]]\nname = \"body\"\n[body.motion]\nkind = \"static\"\n\
+         place = {{ latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }}\n\
+         heading_deg = 70.0\npitch_deg = 3.0\nroll_deg = -2.0\n{antennas}",
+        fault.keys, fault.tables
+    );
+    fs::create_dir_all(directory).unwrap();
+    let file = directory.join("scenario.toml");
+    fs::write(&file, scenario).unwrap();
+    kurs().arg("simulate").arg(&file).arg("--out").arg(directory).assert().success();
+    let configuration = directory.join("kurs.toml");
+    let mut text = fs::read_to_string(&configuration).unwrap();
+    text = text.replace("constraint = \"none\"", "constraint = \"array\"");
+    for (from, to) in &fault.configuration {
+        assert!(text.contains(from), "{from} in\n{text}");
+        text = text.replace(from, to);
+    }
+    fs::write(&configuration, text).unwrap();
+    configuration
+}
+
+/// The codes of all findings, the most telling first.
+fn findings(configuration: &Path) -> Vec<String> {
+    let out = configuration.parent().unwrap().join("out");
+    kurs().arg("doctor").arg(configuration).arg("--out").arg(&out).assert().success();
+    let text = fs::read_to_string(out.join("doctor.json")).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let all = file["findings"].as_array().unwrap();
+    all.iter().map(|finding| finding["code"].as_str().unwrap().to_owned()).collect()
+}
+
+const NOON: &str = "2024-03-10T12:00:00";
+
+fn named(case: &str, seed: u64, fault: &Fault) {
+    let folder = TempDir::new().unwrap();
+    let configuration = session(folder.path(), seed, NOON, fault);
+    let found = findings(&configuration);
+    assert_eq!(found.first().map(String::as_str), Some(case), "{found:?}");
+}
+
+fn replaced(from: &str, to: &str) -> Vec<(String, String)> {
+    vec![(from.into(), to.into())]
+}
+
+#[test]
+fn a_good_session_has_no_findings() {
+    let folder = TempDir::new().unwrap();
+    let configuration = session(folder.path(), 100, NOON, &Fault::default());
+    assert_eq!(findings(&configuration), Vec::<String>::new());
+}
+
+#[test]
+fn a_wrong_position() {
+    let configuration = replaced("position_m = [0.9,", "position_m = [0.94,");
+    named("wrong_geometry", 101, &Fault { configuration, ..Fault::default() });
+}
+
+#[test]
+fn swapped_antennas() {
+    let configuration = [("A1.rnx", "X.rnx"), ("A2.rnx", "A1.rnx"), ("X.rnx", "A2.rnx")]
+        .map(|(from, to)| (from.into(), to.into()))
+        .to_vec();
+    named("swapped_antennas", 102, &Fault { configuration, ..Fault::default() });
+}
+
+#[test]
+fn navigation_data_of_another_day() {
+    let folder = TempDir::new().unwrap();
+    let configuration = session(&folder.path().join("today"), 103, NOON, &Fault::default());
+    let other = folder.path().join("other");
+    session(&other, 103, "2024-03-13T12:00:00", &Fault::default());
+    fs::copy(other.join("nav.rnx"), folder.path().join("today/nav.rnx")).unwrap();
+    assert_eq!(findings(&configuration).first().map(String::as_str), Some("navigation_day"));
+}
+
+#[test]
+fn receivers_that_sample_apart() {
+    named("unsynchronised", 104, &Fault { antenna: (1, "tag_offset_s = 0.4"), ..Fault::default() });
+}
+
+#[test]
+fn a_biased_constellation() {
+    // Receiver A1 tracks the satellites of one kind of orbit with another part of a cycle.
+    let tables =
+        "[[bias]]\nantenna = \"A1\"\nsystem = \"C\"\norbit = \"meo\"\nphase_cycles = 0.4\n";
+    named("bad_system", 105, &Fault { tables, ..Fault::default() });
+}
+
+#[test]
+fn reflections() {
+    let tables = "[multipath]\ncode_sd_m = 4.0\nphase_sd_m = 0.03\ncorrelation_s = 20.0\n";
+    named("multipath", 106, &Fault { tables, ..Fault::default() });
+}
+
+#[test]
+fn no_common_band() {
+    let keys = "signals = [\"G1C\", \"E1C\", \"C2I\"]";
+    let configuration = replaced("[solve]\n", "[solve]\nbands = [\"G2\"]\n");
+    named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
+}
+
+#[test]
+fn a_silent_antenna() {
+    let tables = "[[outage]]\nfrom_s = 10.0\nto_s = 40.0\nantennas = [\"A0\", \"A1\", \"A2\"]\n";
+    named("missing_antenna", 108, &Fault { tables, ..Fault::default() });
+}
+
+#[test]
+fn a_mask_too_high() {
+    let configuration = replaced("[solve]\n", "[solve]\nelevation_mask_deg = 60.0\n");
+    named("few_satellites", 109, &Fault { configuration, ..Fault::default() });
+}
+
+#[test]
+fn a_single_band_without_geometry() {
+    let configuration = [
+        ("[solve]\n", "[solve]\nbands = [\"G1\"]\n"),
+        ("constraint = \"array\"", "constraint = \"none\""),
+    ]
+    .map(|(from, to)| (from.into(), to.into()))
+    .to_vec();
+    let tables = "[noise]\ncode_sd_m = 0.8\nphase_sd_cycles = 0.03\n";
+    named("weak_model", 110, &Fault { tables, configuration, ..Fault::default() });
+}
+
+/// Ten minutes would be better; forty seconds of white noise are good to millimetres too.
+#[test]
+fn survey_finds_the_array() {
+    let folder = TempDir::new().unwrap();
+    let configuration = session(folder.path(), 111, NOON, &Fault::default());
+    let out = folder.path().join("out");
+    kurs().arg("survey").arg(&configuration).arg("--out").arg(&out).assert().success();
+    let text = fs::read_to_string(out.join("array.toml")).unwrap();
+    let table: toml::Table = toml::from_str(&text).unwrap();
+    for (antenna, place) in table["antenna"].as_array().unwrap().iter().zip(&PLACES) {
+        let found = antenna["position_m"].as_array().unwrap();
+        for (coordinate, expected) in found.iter().zip(place) {
+            let error = coordinate.as_float().unwrap() - expected;
+            assert!(error.abs() < 0.003, "{text}");
+        }
+    }
+}
