@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use kurs::signal::SPEED_OF_LIGHT_MPS;
-use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate};
+use kurs::solution::{AttitudeEstimate, EpochSolution, PointEstimate, PositionEstimate, Status};
 use kurs::time::GpsTime;
 use nalgebra::Matrix3;
 
@@ -94,6 +94,8 @@ pub(crate) struct Tables {
     attitude_table: Table,
     baseline_table: Table,
     point_table: Option<Table>,
+    /// Antennas by code differences to a station.
+    antenna_table: Option<Table>,
 }
 
 impl Tables {
@@ -109,9 +111,21 @@ impl Tables {
             attitude_table: create_attitude(directory, format)?,
             baseline_table: table("baselines", BASELINES)?,
             point_table: (!points.is_empty()).then(|| table("points", POINTS)).transpose()?,
+            antenna_table: None,
             antennas,
             points,
         })
+    }
+
+    /// The same with `antennas`: coordinates of every antenna by code differences to a station, as
+    /// `kurs orient` reads them.
+    pub(crate) fn with_antennas(
+        mut self,
+        directory: &Path,
+        format: TableFormat,
+    ) -> anyhow::Result<Self> {
+        self.antenna_table = Some(Table::create(directory, "antennas", format, POINTS)?);
+        Ok(self)
     }
 
     /// Writes the rows of one epoch.
@@ -143,16 +157,12 @@ impl Tables {
     }
 
     fn write_points(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
-        let Some(t) = &mut self.point_table else { return Ok(()) };
-        for point in &row.points {
-            time.write(t);
-            t.text(&self.points[point.index]);
-            t.real(Some(point.geodetic.latitude_rad.to_degrees()), 10);
-            t.real(Some(point.geodetic.longitude_rad.to_degrees()), 10);
-            t.real(Some(point.geodetic.height_m), 4);
-            standard_deviations(t, Some(&point.covariance_m2), 4);
-            t.text(row.status.word());
-            t.end_row()?;
+        let status = row.status;
+        if let Some(table) = &mut self.point_table {
+            write_places(table, time, &row.points, &self.points, status)?;
+        }
+        if let Some(table) = &mut self.antenna_table {
+            write_places(table, time, &row.by_code, &self.antennas, Status::Float)?;
         }
         Ok(())
     }
@@ -161,8 +171,30 @@ impl Tables {
     pub(crate) fn finish(self) -> anyhow::Result<()> {
         self.attitude_table.finish()?;
         self.baseline_table.finish()?;
+        self.antenna_table.map_or(Ok(()), Table::finish)?;
         self.point_table.map_or(Ok(()), Table::finish)
     }
+}
+
+/// Coordinates of points or antennas, named by their index.
+fn write_places(
+    t: &mut Table,
+    time: &TimeColumns,
+    places: &[PointEstimate],
+    names: &[String],
+    status: Status,
+) -> anyhow::Result<()> {
+    for place in places {
+        time.write(t);
+        t.text(&names[place.index]);
+        t.real(Some(place.geodetic.latitude_rad.to_degrees()), 10);
+        t.real(Some(place.geodetic.longitude_rad.to_degrees()), 10);
+        t.real(Some(place.geodetic.height_m), 4);
+        standard_deviations(t, Some(&place.covariance_m2), 4);
+        t.text(status.word());
+        t.end_row()?;
+    }
+    Ok(())
 }
 
 /// Writes the row of one epoch.

@@ -32,6 +32,7 @@ pub(crate) struct Config {
     pub(crate) solve: SolveTable,
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
+    pub(crate) station: Option<StationTable>,
 }
 
 /// One antenna.
@@ -65,6 +66,16 @@ pub(crate) struct NavTable {
     pub(crate) files: Vec<PathBuf>,
     /// Date, or date and time, of logs that do not tell it.
     pub(crate) approximate_time: Option<toml::value::Datetime>,
+}
+
+/// A fixed station at a known place.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StationTable {
+    pub(crate) obs: Vec<PathBuf>,
+    pub(crate) position_ecef_m: [f64; 3],
+    /// RTCM 3 log: the station that is meant.
+    pub(crate) station_id: Option<u16>,
 }
 
 /// A further point of the body.
@@ -319,8 +330,8 @@ impl Loaded {
     }
 
     /// What the receiver logs of an antenna do not say by themselves.
-    pub(crate) fn log_options(&self, antenna: &AntennaTable) -> LogOptions {
-        LogOptions { station: antenna.station_id, approximate_time: self.approximate_time() }
+    pub(crate) fn log_options(&self, station_id: Option<u16>) -> LogOptions {
+        LogOptions { station: station_id, approximate_time: self.approximate_time() }
     }
 
     /// `[nav] approximate_time`
@@ -362,6 +373,19 @@ impl Loaded {
             return Err(UsageError(format!(
                 "nav.approximate_time is {time}, expected a date since 1980 such as 2024-06-24"
             )));
+        }
+        if let Some(station) = &self.config.station {
+            let [x, y, z] = station.position_ecef_m;
+            let radius_m = (x * x + y * y + z * z).sqrt();
+            if !(6.3e6..7e6).contains(&radius_m) {
+                return Err(UsageError(format!(
+                    "station.position_ecef_m is {radius_m:.0} m from the Earth's centre, expected ECEF \
+                     coordinates of a place on the Earth"
+                )));
+            }
+            if station.obs.is_empty() {
+                return Err(UsageError("station: `obs` names no file".into()));
+            }
         }
         for a in antenna {
             match (&a.antenna_type, a.antenna_orientation_deg) {
@@ -575,6 +599,17 @@ impl Loaded {
                 "antex.files = {}  [{}]",
                 self.path(file).display(),
                 origin("antex.files")
+            );
+        }
+        if let Some(station) = &self.config.station {
+            let files: Vec<_> =
+                station.obs.iter().map(|p| self.path(p).display().to_string()).collect();
+            let _ = writeln!(
+                text,
+                "station: {} at {:?} m  [{}]",
+                files.join(", "),
+                station.position_ecef_m,
+                origin("station")
             );
         }
         for file in &self.config.nav.files {

@@ -22,7 +22,8 @@ impl Input {
     /// Opens everything that the configuration names.
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
         let (navigation, damage) = read_navigation(loaded)?;
-        Ok(Self { navigation, streams: Streams::open(observation_files(loaded))?, damage })
+        let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
+        Ok(Self { navigation, streams, damage })
     }
 }
 
@@ -66,9 +67,18 @@ fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
         .map(|a| AntennaFiles {
             name: a.name.clone(),
             files: a.obs.iter().map(|path| loaded.path(path)).collect(),
-            options: loaded.log_options(a),
+            options: loaded.log_options(a.station_id),
         })
         .collect()
+}
+
+fn station_files(loaded: &Loaded) -> Option<AntennaFiles> {
+    let station = loaded.config.station.as_ref()?;
+    Some(AntennaFiles {
+        name: "station".into(),
+        files: station.obs.iter().map(|path| loaded.path(path)).collect(),
+        options: loaded.log_options(station.station_id),
+    })
 }
 
 pub(crate) fn antenna_names(loaded: &Loaded) -> Vec<String> {

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::engine::{Engine, Settings};
+use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 
@@ -116,6 +117,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut engine = Engine::new(settings, navigation)
         .map_err(|e| UsageError(e.to_string()))?
         .with_phase_centers(mounts);
+    if let Some(station) = &loaded.config.station {
+        let [x, y, z] = station.position_ecef_m;
+        engine = engine
+            .with_station(Vector::new(x, y, z))
+            .map_err(|error| UsageError(error.to_string()))?;
+    }
     let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;
 
@@ -174,12 +181,12 @@ impl Outputs {
             [(Format::Csv, TableFormat::Csv), (Format::Jsonl, TableFormat::Jsonl)]
         {
             if formats.contains(&wanted) {
-                tables.push(Tables::create(
-                    directory,
-                    format,
-                    antenna_names(loaded),
-                    points.clone(),
-                )?);
+                let names = antenna_names(loaded);
+                let created = Tables::create(directory, format, names, points.clone())?;
+                tables.push(match loaded.config.station {
+                    Some(_) => created.with_antennas(directory, format)?,
+                    None => created,
+                });
             }
         }
         let nmea =

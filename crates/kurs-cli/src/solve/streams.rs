@@ -33,13 +33,19 @@ struct Stream {
 /// All antennas' epochs in time order.
 pub(crate) struct Streams {
     streams: Vec<Stream>,
+    /// A fixed station; its epochs alone make no row.
+    station: Option<Stream>,
     /// Shortest time between two epochs of one antenna so far, s.
     interval_s: f64,
 }
 
 impl Streams {
-    /// Opens the files of every antenna and reads its first epoch.
-    pub(crate) fn open(antennas: Vec<AntennaFiles>) -> anyhow::Result<Self> {
+    /// Opens the files of every antenna, and of the station if there is one, and reads their first
+    /// epochs.
+    pub(crate) fn open(
+        antennas: Vec<AntennaFiles>,
+        station: Option<AntennaFiles>,
+    ) -> anyhow::Result<Self> {
         let open = |AntennaFiles { name, files, options }: AntennaFiles| {
             let context = || format!("antenna {name}");
             let reader = SessionReader::open_with(&files, options).with_context(context)?;
@@ -49,7 +55,8 @@ impl Streams {
             Ok(stream)
         };
         let streams = antennas.into_iter().map(open).collect::<anyhow::Result<_>>()?;
-        Ok(Self { streams, interval_s: f64::INFINITY })
+        let station = station.map(open).transpose()?;
+        Ok(Self { streams, station, interval_s: f64::INFINITY })
     }
 
     /// Number of antennas that have any epoch at all.
@@ -77,17 +84,33 @@ impl Streams {
             self.interval_s = self.interval_s.min(stream.advance()?);
         }
         epoch.time = first.unwrap_or(earliest);
+        self.match_station(epoch, 0.5 * interval_s)?;
         Ok(true)
+    }
+
+    /// Gives the epoch the station's observations of the same time, and passes over older ones.
+    fn match_station(&mut self, epoch: &mut ArrayEpoch, window_s: f64) -> anyhow::Result<()> {
+        let Some(station) = &mut self.station else { return Ok(()) };
+        while station.has_next && station.next.time - epoch.time <= -window_s {
+            station.advance()?;
+        }
+        if station.has_next && station.next.time - epoch.time < window_s {
+            std::mem::swap(epoch.station.get_or_insert_default(), &mut station.next);
+            station.advance()?;
+        } else {
+            epoch.station = None;
+        }
+        Ok(())
     }
 
     /// Everything that was damaged so far.
     pub(crate) fn damage(&self) -> Vec<FileDamage> {
-        self.streams.iter().flat_map(|s| s.reader.damage()).collect()
+        self.streams.iter().chain(&self.station).flat_map(|s| s.reader.damage()).collect()
     }
 
     /// Time span of each antenna in words, for the message that they do not overlap.
     pub(crate) fn spans(&self) -> String {
-        let words = self.streams.iter().map(|s| match s.span {
+        let words = self.streams.iter().chain(&self.station).map(|s| match s.span {
             Some((first, last)) => format!("{} from {first} to {last}", s.name),
             None => format!("{} has no epoch", s.name),
         });

@@ -73,7 +73,12 @@ impl Default for Settings {
             array_sd_m: 0.002,
             max_wrong_fix_rate: 0.001,
             max_tilt_rad: core::f64::consts::FRAC_PI_2,
-            noise: NoiseModel { code_zenith_m: 0.2, phase_zenith_m: 0.0015, full_cn0_dbhz: 45.0 },
+            noise: NoiseModel {
+                code_zenith_m: 0.2,
+                phase_zenith_m: 0.0015,
+                full_cn0_dbhz: 45.0,
+                channel_sd_m: 0.0,
+            },
             residuals: false,
             first_antenna_m: None,
         }
