@@ -149,7 +149,7 @@ fn a_silent_antenna() {
 
 #[test]
 fn a_mask_too_high() {
-    let configuration = replaced("[solve]\n", "[solve]\nelevation_mask_deg = 60.0\n");
+    let configuration = replaced("[solve]\n", "[solve]\nelevation_mask_deg = 68.0\n");
     named("few_satellites", 109, &Fault { configuration, ..Fault::default() });
 }
 
@@ -161,7 +161,7 @@ fn a_single_band_without_geometry() {
     ]
     .map(|(from, to)| (from.into(), to.into()))
     .to_vec();
-    let tables = "[noise]\ncode_sd_m = 0.8\nphase_sd_cycles = 0.03\n";
+    let tables = "[noise]\ncode_sd_m = 0.45\nphase_sd_cycles = 0.02\n";
     named("weak_model", 110, &Fault { tables, configuration, ..Fault::default() });
 }
 

@@ -1,5 +1,7 @@
 //! From the trials to causes, the most telling first.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Settings};
 use kurs::ephemeris::NavigationData;
@@ -21,12 +23,17 @@ const MANY: f64 = 0.2;
 const MENDED: f64 = 0.3;
 /// A session with this share fixed needs no doctor.
 const WELL: f64 = 0.98;
+/// Phases that fit better by this factor.
+const BETTER_FIT: f64 = 0.7;
 /// Residuals this many times larger than the noise model says are reflections or worse.
 const NOISY: f64 = 4.0;
 /// An antenna whose residuals are this many times larger than those of the others.
 const WORSE_THAN_OTHERS: f64 = 2.5;
 /// Fewer satellites than this are few, even with the geometry known.
-const FEW_SATELLITES: usize = 6;
+const FEW_SATELLITES: usize = 5;
+
+/// Which residual of a signal.
+type ResidualOf = fn(&SignalResidual) -> Option<f64>;
 
 /// One cause.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -63,8 +70,8 @@ pub(super) fn findings(
         all.extend(patient.times(sample, trials));
         all.extend(patient.ephemerides(sample, trials));
         all.extend(patient.bands(sample, trials));
-        all.extend(patient.geometry(sample, trials));
         all.extend(patient.system(trials));
+        all.extend(patient.geometry(sample, trials));
         all.extend(patient.antenna(trials));
         all.extend(phases(signals));
         all.extend(patient.noise(trials));
@@ -89,9 +96,7 @@ impl Patient<'_> {
         if trials.configured.share_of_reason("few_antennas") < MANY {
             return None;
         }
-        let alternating =
-            (0..self.names.len()).filter(|a| (MANY..1.0 - MANY).contains(&present(*a)));
-        if alternating.count() >= 2 && overlap(sample) {
+        if take_turns(sample) {
             return Some(self.unsynchronised(sample, 1.0));
         }
         let shares: Vec<String> = (0..self.names.len())
@@ -161,8 +166,7 @@ impl Patient<'_> {
             .map(|antenna| {
                 let epochs = sample.epochs.iter().filter_map(|e| e.antennas[antenna].as_ref());
                 let bands = epochs.flat_map(|e| e.observations.iter().map(|o| o.signal.band));
-                let bands: std::collections::BTreeSet<String> =
-                    bands.map(|b| b.to_string()).collect();
+                let bands: BTreeSet<String> = bands.map(|b| b.to_string()).collect();
                 let bands: Vec<String> = bands.into_iter().collect();
                 format!("{}: {}", self.names[antenna], bands.join(" "))
             })
@@ -179,10 +183,11 @@ impl Patient<'_> {
     fn geometry(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
         let array = self.array?;
         let sd_m = self.settings.array_sd_m;
-        let mut distances = geometry::distances(&trials.free, array);
-        if distances.is_empty() {
-            distances = geometry::scanned(self.settings, self.navigation, sample, array);
-        }
+        let distances = if trials.free.share(Status::Fixed) > MANY {
+            geometry::distances(&trials.free, array)
+        } else {
+            geometry::scanned(self.settings, self.navigation, sample, array)
+        };
         let wrong: Vec<&Distance> = distances.iter().filter(|d| d.is_wrong(sd_m)).collect();
         if wrong.is_empty() {
             return None;
@@ -223,12 +228,15 @@ impl Patient<'_> {
     /// A constellation that spoils the others.
     fn system(&self, trials: &Trials) -> Option<Finding> {
         let before = trials.configured.share(Status::Fixed);
-        let (system, share) = trials
+        let (system, share, residual_m) = trials
             .without_system
             .iter()
-            .map(|(system, trial)| (*system, trial.share(Status::Fixed)))
+            .map(|(system, trial)| (*system, trial.share(Status::Fixed), trial.residual_m()))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (share - before > MENDED).then(|| Finding {
+        // Where the geometry is wrong, fewer satellites are fixed wrongly more easily: then the phases
+        // fit no better than all of them do without geometry.
+        let fits = residual_m < BETTER_FIT * trials.free.residual_m();
+        (share - before > MENDED && fits).then(|| Finding {
             code: "bad_system",
             cause: format!("the phases of {} do not fit the others", words(system)),
             evidence: format!(
@@ -263,20 +271,20 @@ impl Patient<'_> {
         })
     }
 
-    /// Residuals as reflections make them.
+    /// Residuals as reflections make them; `rms` takes them to the zenith.
     fn noise(&self, trials: &Trials) -> Option<Finding> {
-        let rms = |of: &dyn Fn(&SignalResidual) -> Option<f64>, antenna: Option<usize>| {
+        let rms = |of: ResidualOf, antenna: Option<usize>| {
             let rows = trials.configured.rows.iter().chain(&trials.free.rows);
             let residuals = rows.flat_map(|row| &row.residuals);
             let chosen = residuals.filter(|r| antenna.is_none_or(|a| r.antenna == a));
-            let (sum, count) =
-                chosen.filter_map(of).fold((0.0, 0.0), |(s, n), r| (s + r * r, n + 1.0));
+            let at_zenith = chosen.filter_map(|r| Some(of(r)? * r.elevation_rad.sin()));
+            let (sum, count) = at_zenith.fold((0.0, 0.0), |(s, n), r| (s + r * r, n + 1.0));
             (sum / f64::max(count, 1.0)).sqrt()
         };
         let noise = &self.settings.noise;
-        let kinds: [(&str, &dyn Fn(&SignalResidual) -> Option<f64>, f64); 2] = [
-            ("code", &|r| r.code_m, noise.code_zenith_m),
-            ("phase", &|r| r.phase_m, noise.phase_zenith_m),
+        let kinds: [(&str, ResidualOf, f64); 2] = [
+            ("code", |r| r.code_m, noise.code_zenith_m),
+            ("phase", |r| r.phase_m, noise.phase_zenith_m),
         ];
         kinds.into_iter().find_map(|(kind, of, expected_m)| {
             let per_antenna: Vec<f64> =
@@ -395,16 +403,28 @@ fn broken_files(damage: &[Damage]) -> Option<Finding> {
     })
 }
 
+/// Whether some antennas have epochs just where others have none, and the other way round.
+fn take_turns(sample: &Sample) -> bool {
+    let mut sets: BTreeMap<Vec<bool>, usize> = BTreeMap::new();
+    for epoch in &sample.epochs {
+        *sets.entry(epoch.antennas.iter().map(Option::is_some).collect()).or_default() += 1;
+    }
+    let often = |count: usize| count as f64 > MANY * sample.epochs.len() as f64;
+    let frequent: Vec<&Vec<bool>> =
+        sets.iter().filter(|(_, count)| often(**count)).map(|(set, _)| set).collect();
+    let disjoint = |a: &[bool], b: &[bool]| a.iter().zip(b).all(|(one, other)| !(*one && *other));
+    frequent.iter().any(|a| frequent.iter().any(|b| disjoint(a, b))) && overlap(sample)
+}
+
 /// Whether the antennas' spans overlap.
 fn overlap(sample: &Sample) -> bool {
     let antennas = sample.epochs.first().map_or(0, |e| e.antennas.len());
     let span = |antenna: usize| {
-        let mut times = sample
+        let times = sample
             .epochs
             .iter()
             .filter_map(|e| e.antennas[antenna].as_ref().map(|a: &AntennaEpoch| a.time));
-        let first = times.next()?;
-        Some((first, times.last().unwrap_or(first)))
+        Some((times.clone().next()?, times.max()?))
     };
     let spans: Vec<_> = (0..antennas).filter_map(span).collect();
     let latest_start = spans.iter().map(|s| s.0).max();

@@ -16,9 +16,9 @@ const LEAST_FIXES: usize = 5;
 const TOLERANCE_M: f64 = 0.010;
 /// All permutations are tried up to this number of antennas.
 const MOST_ANTENNAS: usize = 7;
-/// Lengths tried around the configured one, m, where nothing is fixed without a length.
-const SCAN_M: f64 = 0.3;
+/// Lengths tried around the configured one on either side where nothing is fixed without a length.
 const SCAN_STEP_M: f64 = 0.02;
+const SCAN_STEPS: i32 = 15;
 /// Epochs of the scan.
 const SCAN_EPOCHS: usize = 60;
 
@@ -31,6 +31,8 @@ pub(super) struct Distance {
     pub(super) found_m: f64,
     /// By the configuration, m.
     pub(super) known_m: f64,
+    /// Standard deviation of one epoch, m.
+    sd_m: f64,
 }
 
 impl Distance {
@@ -39,7 +41,7 @@ impl Distance {
     }
 
     pub(super) fn is_wrong(&self, array_sd_m: f64) -> bool {
-        self.error_m().abs() > TOLERANCE_M.max(3.0 * array_sd_m)
+        self.error_m().abs() > TOLERANCE_M.max(3.0 * array_sd_m).max(2.0 * self.sd_m)
     }
 }
 
@@ -59,9 +61,15 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
                 Some((at(second)? - at(first)?).norm())
             });
             let lengths: Vec<f64> = lengths.collect();
+            let variances = free.rows.iter().filter(|row| row.status == Status::Fixed).map(|row| {
+                let ends = row.baselines.iter().filter(|b| b.rover == first || b.rover == second);
+                ends.map(|b| b.covariance_m2.trace() / 3.0).sum::<f64>()
+            });
+            let sd_m = median(variances.collect()).sqrt();
             if lengths.len() >= LEAST_FIXES {
                 let known_m = (array.positions_m()[second] - array.positions_m()[first]).norm();
-                found.push(Distance { first, second, found_m: median(lengths), known_m });
+                let found_m = median(lengths);
+                found.push(Distance { first, second, found_m, known_m, sd_m });
             }
         }
     }
@@ -99,8 +107,7 @@ pub(super) fn scanned(
     let mut found = Vec::new();
     for second in 1..array.len() {
         let known_m = array.baseline_m(second).norm();
-        let steps = (SCAN_M / SCAN_STEP_M).round() as i32;
-        let lengths = (-steps..=steps).map(|k| known_m + f64::from(k) * SCAN_STEP_M);
+        let lengths = (-SCAN_STEPS..=SCAN_STEPS).map(|k| known_m + f64::from(k) * SCAN_STEP_M);
         let best = lengths
             .filter(|length_m| *length_m > SCAN_STEP_M)
             .map(|length_m| (fixes(second, length_m), length_m))
@@ -109,10 +116,12 @@ pub(super) fn scanned(
                 let off = |length_m: f64| -(length_m - known_m).abs();
                 a.0.cmp(&b.0).then(off(a.1).total_cmp(&off(b.1)))
             });
-        if let Some((count, found_m)) = best.filter(|(count, _)| *count >= LEAST_FIXES) {
-            if count > fixes(second, known_m) {
-                found.push(Distance { first: 0, second, found_m, known_m });
-            }
+        // A length that mends: many epochs, and more than by chance with the configured one.
+        let many = |count: usize| count >= LEAST_FIXES && 3 * step * count > sample.epochs.len();
+        if let Some((count, found_m)) = best.filter(|(count, _)| many(*count))
+            && count > 2 * fixes(second, known_m)
+        {
+            found.push(Distance { first: 0, second, found_m, known_m, sd_m: 0.0 });
         }
     }
     found
@@ -172,5 +181,5 @@ fn permute(order: &mut Vec<usize>, from: usize, all: &mut Vec<Vec<usize>>) {
 
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -142,6 +142,14 @@ impl Trial {
         *self.reasons().get(word).unwrap_or(&0) as f64 / self.rows.len().max(1) as f64
     }
 
+    /// Median of the phase residuals of the fixed epochs, m; infinite without any.
+    pub(super) fn residual_m(&self) -> f64 {
+        let fixed = self.rows.iter().filter(|row| row.status == Status::Fixed);
+        let mut residuals: Vec<f64> = fixed.filter_map(|row| row.residual_rms_m).collect();
+        residuals.sort_by(f64::total_cmp);
+        residuals.get(residuals.len() / 2).copied().unwrap_or(f64::INFINITY)
+    }
+
     pub(super) fn share_text(&self) -> String {
         format!(
             "{:.1} % of {} epochs are fixed",
