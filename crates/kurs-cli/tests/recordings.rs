@@ -206,7 +206,7 @@ fn continuous_ambiguities_are_right_after_the_first_minute() {
         (&UPC, "bands=[G1]", "motion=free"),
         (&MATRTKLIB, "bands=[G1]", "motion=free"),
         (&GEONET, "bands=[G1,G2]", "motion=free"),
-        (&GEONET, "bands=[G1]", "motion=static"),
+        (&UPC, "bands=[G1]", "motion=static"),
     ] {
         let settings = ["ambiguity=continuous", "elevation_mask_deg=15", bands, motion];
         let solved = solve(&data, recording, None, &settings);
