@@ -1,7 +1,7 @@
-//! The full Monte Carlo comparison of the rotating-arm filters: 100 seeds a row, as recorded in
-//! `docs/experiments/fusion.md`.
+//! The full Monte Carlo comparison of the rotating-arm filters, 100 seeds a row: the table of
+//! `docs/experiments/fusion.md`, and figure 2 of the paper with the filter that works.
 //!
-//! `cargo run --release -p kurs-sim --example rotating_arm [SEEDS]`
+//! `cargo run --release -p kurs-sim --example rotating_arm [SEEDS]` in the root of the workspace.
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::cast_possible_truncation)]
 #![allow(clippy::cast_sign_loss)]
 
@@ -11,9 +11,15 @@ mod campaign;
 use campaign::{ACCELERATED, COARSE, Campaign, Candidate, InitialErrors, STEADY, USUAL, corrected};
 use kurs::fusion::attitude_form::AttitudeForm::{Euler, Quaternion};
 use kurs::fusion::kalman::Gate;
-use kurs_sim::rotating_arm::Course;
+use kurs_sim::rotating_arm::{ArmScenario, Course, TurnShape};
+use plotters::prelude::*;
 
-fn main() {
+const FIGURE: &str = "docs/experiments/fusion-heading.svg";
+/// Rows of the table that the figure shows.
+const SHOWN: [(&str, &str, RGBColor); 2] =
+    [("C17r U (manoeuvring)", "17 states", BLUE), ("C20 U", "20 states", RED)];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seeds = std::env::args().nth(1).map_or(100, |count| count.parse().expect("seeds"));
     let uniform = Course::Uniform { speed_mps: 20.0 };
     let along = Course::AlongHeading { speed_mps: 20.0 };
@@ -50,6 +56,12 @@ fn main() {
         ("published U, own, open", Candidate::PublishedOwnWorld(Gate::Open), uniform, USUAL),
         ("published A5, own, open", Candidate::PublishedOwnWorld(Gate::Open), ACCELERATED, STEADY),
         (
+            "published A5, own, open, 2°/s",
+            Candidate::PublishedOwnWorld(Gate::Open),
+            ACCELERATED,
+            USUAL,
+        ),
+        (
             "published A5, own world",
             Candidate::PublishedOwnWorld(published_gate),
             ACCELERATED,
@@ -63,9 +75,13 @@ fn main() {
          | <2° p95 s | position m | velocity m/s | rejected % |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut shown = Vec::new();
     for (name, candidate, course, initial) in rows {
         let campaign = Campaign { initial, ..Campaign::new(candidate, course) };
         let s = campaign.run(0..seeds);
+        if let Some((_, label, colour)) = SHOWN.iter().find(|(row, ..)| *row == name) {
+            shown.push((*label, *colour, s.mean_heading.clone()));
+        }
         println!(
             "| {name} | {:.0} | {:.3} | {:.3} | {:.2} | {:.1} | {:.3} | {:.1} | {:.3} | {:.3} | \
              {:.4} |",
@@ -81,4 +97,39 @@ fn main() {
             s.rejected_percent
         );
     }
+    draw(&shown)
+}
+
+/// Figure 2: the heading that the body turns through and the mean estimates.
+fn draw(shown: &[(&str, RGBColor, Vec<f64>)]) -> Result<(), Box<dyn std::error::Error>> {
+    const WINDOW_S: core::ops::Range<f64> = 19.5..25.5;
+    let area = SVGBackend::new(FIGURE, (800, 420)).into_drawing_area();
+    area.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin(12)
+        .x_label_area_size(36)
+        .y_label_area_size(48)
+        .build_cartesian_2d(WINDOW_S, 25.0..65.0)?;
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc("time, s").y_desc("heading, degrees").light_line_style(WHITE).draw()?;
+    let scenario = ArmScenario::reference(Course::Standing, TurnShape::Smooth);
+    let steps = (0..=600).map(|k| WINDOW_S.start + f64::from(k) * 0.01);
+    let set = steps.map(|time_s| (time_s, scenario.heading_at_rad(time_s).to_degrees()));
+    let broad = BLACK.mix(0.25).stroke_width(5);
+    chart
+        .draw_series(LineSeries::new(set, broad))?
+        .label("set")
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], broad));
+    for (label, colour, mean_heading) in shown {
+        let epochs = mean_heading.iter().enumerate().map(|(k, h)| ((k + 1) as f64 * 0.1, *h));
+        let inside = epochs.filter(|(time_s, _)| WINDOW_S.contains(time_s));
+        let line = colour.stroke_width(2);
+        chart
+            .draw_series(LineSeries::new(inside, line))?
+            .label(*label)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], line));
+    }
+    chart.configure_series_labels().border_style(BLACK).background_style(WHITE).draw()?;
+    area.present()?;
+    Ok(())
 }

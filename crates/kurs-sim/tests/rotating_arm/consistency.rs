@@ -4,26 +4,26 @@ use core::ops::Range;
 
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Epoch, Settings, Start};
+use kurs::fusion::arm_filter::{ArmFilter, Epoch, Settings};
 use kurs::fusion::arm_model::ArmEnd;
 use kurs::fusion::attitude_form::Carried;
 use kurs::fusion::layout::{
     ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, PAPER_STATES, POSITION, RATE, VELOCITY,
 };
 use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::nhe::Angles;
 use kurs::fusion::process_noise::{Densities, ProcessNoise};
-use kurs::fusion::ranging::{Measured, Ranging, SatelliteMotion};
-use kurs::signal::{Satellite, System};
 use kurs_sim::noise::Noise;
-use kurs_sim::rotating_arm::{ArmScenario, Course, TurnShape};
+use kurs_sim::rotating_arm::{ArmScenario, ArmSensors, Course, TurnShape};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
 
-use crate::campaign::{STEP_S, visible_satellites};
+use crate::campaign::{InitialErrors, STEP_S, motion_of, ranging, start, visible_satellites};
 
 const JERK: f64 = 1.0;
 const TURNING: f64 = 3e-4;
 const CLOCK_DENSITY: f64 = 0.01;
+
+/// Errors at the start small enough for the linear theory: 0.05 rad of tilt, 0.1 rad of heading.
+const WELL_KNOWN: InitialErrors = InitialErrors { tilt: 2.9, heading: 5.7, rate: 1.7 };
 
 /// Averages over one run or many.
 #[derive(Debug, Default, Clone, Copy)]
@@ -98,29 +98,7 @@ fn run(seed: u64, duration_s: f64) -> Means {
     truth[VELOCITY].copy_from_slice(begin.velocity_mps.as_slice());
     truth[ATTITUDE].copy_from_slice(begin.angles_rad.as_slice());
 
-    let start = Start {
-        time_s: 0.0,
-        position_m: begin.position_m + noise.normal3(5.0),
-        position_sd_m: 5.0,
-        clock_m: noise.normal(10.0),
-        clock_sd_m: 10.0,
-        velocity_mps: begin.velocity_mps + noise.normal3(0.5),
-        velocity_sd_mps: 0.5,
-        clock_rate_mps: noise.normal(0.5),
-        clock_rate_sd_mps: 0.5,
-        acceleration_mps2: noise.normal3(0.3),
-        acceleration_sd_mps2: 0.3,
-        angles: Angles {
-            roll_rad: begin.angles_rad.x + noise.normal(0.05),
-            pitch_rad: begin.angles_rad.y + noise.normal(0.05),
-            heading_rad: begin.angles_rad.z + noise.normal(0.1),
-        },
-        tilt_sd_rad: 0.05,
-        heading_sd_rad: 0.1,
-        angle_rates_radps: noise.normal3(0.03),
-        rate_sd_radps: 0.03,
-        angular_acceleration_sd_radps2: 0.0,
-    };
+    let start = start(&begin, &WELL_KNOWN, &mut noise);
     let densities = Densities { jerk: JERK, turning: TURNING, clock: CLOCK_DENSITY };
     let settings =
         Settings { process_noise: ProcessNoise::Continuous(densities), ..Settings::new(arm) };
@@ -133,31 +111,23 @@ fn run(seed: u64, duration_s: f64) -> Means {
         let here = LocalLevel::at(&Vector3::from_column_slice(&truth[POSITION]));
         let motion = Carried::Euler.decode(&truth, &layout, &here).motion;
         let end = ArmEnd::new(&motion, &arm.at_angle(arm.angle_rad(time_s)));
-        let mut ranging = Vec::new();
+        let mut ranges = Vec::new();
         if step % 10 == 0 {
             for (number, motions) in &satellites {
-                let motion = SatelliteMotion {
-                    position_m: motions[step / 10].position_m,
-                    velocity_mps: motions[step / 10].velocity_mps,
-                };
-                let range_m = end.pseudorange(&motion).value + noise.normal(10f64.sqrt());
-                let rate_mps = end.range_rate(&motion).value + noise.normal(0.1);
-                let number = u8::try_from(number + 1).unwrap();
-                ranging.push(Ranging {
-                    satellite: Satellite { system: System::Gps, number },
-                    motion,
-                    pseudorange_m: Some(Measured { value: range_m, sd: 10f64.sqrt() }),
-                    range_rate_mps: Some(Measured { value: rate_mps, sd: 0.1 }),
-                    phase_m: None,
-                    slipped: false,
-                });
+                let (satellite, sensors) = (&motions[step / 10], ArmSensors::reference());
+                let motion = motion_of(satellite);
+                let range_m = end.pseudorange(&motion).value;
+                let rate_mps = end.range_rate(&motion).value;
+                let range_m = range_m + noise.normal(sensors.pseudorange_sd_m);
+                let rate_mps = rate_mps + noise.normal(sensors.range_rate_sd_mps);
+                ranges.push(ranging(*number, satellite, range_m, rate_mps));
             }
         }
         let force = end.specific_force(&here, EARTH_RATE_RADPS).map(|axis| axis.value);
         let epoch = Epoch {
             time_s,
             specific_force_mps2: Some(Vector3::from(force) + noise.normal3(0.01)),
-            satellites: &ranging,
+            satellites: &ranges,
             arm_angle_rad: None,
         };
         let health = filter.push(&epoch).unwrap();

@@ -217,67 +217,65 @@ mod tests {
         [end.pseudorange(&p.satellite), end.range_rate(&p.satellite), n1, n2, n3]
     }
 
-    /// Differences of every prediction when `change` moves the point by a step.
-    fn compare(
-        triad: Triad,
-        step: f64,
-        tolerance: f64,
-        change: impl Fn(&mut Point, f64),
-        part: impl Fn(&Gradient) -> f64,
-    ) {
-        let moved = |h: f64| {
-            let mut p = point(triad);
-            change(&mut p, h);
-            predict(&p)
-        };
-        let (after, before, at) = (moved(step), moved(-step), predict(&point(triad)));
-        for k in 0..5 {
-            // The pseudorange of 2e7 m carries 4e-9 m of rounding.
-            let rounding = if k == 0 { 4e-9 / step } else { 0.0 };
-            let difference = (after[k].value - before[k].value) / (2.0 * step);
-            let error = (difference - part(&at[k].gradient)).abs();
-            assert!(error < tolerance * difference.abs().max(1.0) + rounding, "{k}: {error:e}");
-        }
+    /// Moves a point along one axis.
+    type Change = fn(&mut Point, usize, f64);
+    /// The gradient's part along that axis.
+    type Part = fn(&Gradient, usize) -> f64;
+
+    /// Everything with three axes, with the step and the tolerance of its differences.
+    const VECTORS: [(Change, Part, f64, f64); 6] = [
+        (|p, axis, h| p.motion.position_m[axis] += h, |g, axis| g.position[axis], 10.0, 1e-8),
+        (|p, axis, h| p.motion.velocity_mps[axis] += h, |g, axis| g.velocity[axis], 1.0, 1e-9),
+        (
+            |p, axis, h| p.motion.acceleration_mps2[axis] += h,
+            |g, axis| g.acceleration[axis],
+            1.0,
+            1e-9,
+        ),
+        (|p, axis, h| turn(p, axis, h), |g, axis| g.attitude[axis], 1e-4, 1e-6),
+        (|p, axis, h| p.motion.rate_radps[axis] += h, |g, axis| g.rate[axis], 1e-4, 1e-7),
+        (
+            |p, axis, h| p.motion.angular_acceleration_radps2[axis] += h,
+            |g, axis| g.angular_acceleration[axis],
+            1e-2,
+            1e-9,
+        ),
+    ];
+    const SCALARS: [(Change, Part, f64, f64); 3] = [
+        (|p, _, h| p.motion.clock_m += h, |g, _| g.clock, 1.0, 1e-9),
+        (|p, _, h| p.motion.clock_rate_mps += h, |g, _| g.clock_rate, 1.0, 1e-9),
+        (|p, _, h| p.angle_rad += h, |g, _| g.arm_angle, 1e-4, 1e-6),
+    ];
+
+    fn turn(p: &mut Point, axis: usize, angle_rad: f64) {
+        let mut phi = Vector3::zeros();
+        phi[axis] = angle_rad;
+        p.motion.ecef_from_body *= *Rotation3::new(phi).matrix();
     }
 
     #[test]
     fn gradients_agree_with_differences() {
         for triad in [Triad::HeldParallel, Triad::TurnsWithArm] {
-            for axis in 0..3 {
-                compare(
-                    triad,
-                    10.0,
-                    1e-8,
-                    |p, h| p.motion.position_m[axis] += h,
-                    |g| g.position[axis],
-                );
-                compare(
-                    triad,
-                    1.0,
-                    1e-9,
-                    |p, h| p.motion.velocity_mps[axis] += h,
-                    |g| g.velocity[axis],
-                );
-                compare(
-                    triad,
-                    1.0,
-                    1e-9,
-                    |p, h| p.motion.acceleration_mps2[axis] += h,
-                    |g| g.acceleration[axis],
-                );
-                compare(triad, 1e-4, 1e-7, |p, h| p.motion.rate_radps[axis] += h, |g| g.rate[axis]);
-                let alpha = |p: &mut Point, h| p.motion.angular_acceleration_radps2[axis] += h;
-                compare(triad, 1e-2, 1e-9, alpha, |g| g.angular_acceleration[axis]);
-                let turn = |p: &mut Point, h: f64| {
-                    let mut phi = Vector3::zeros();
-                    phi[axis] = h;
-                    p.motion.ecef_from_body *= *Rotation3::new(phi).matrix();
+            let at = predict(&point(triad));
+            let vectors = VECTORS.iter().flat_map(|row| [0, 1, 2].map(|axis| (row, axis)));
+            for ((change, part, step, tolerance), axis) in
+                vectors.chain(SCALARS.iter().map(|row| (row, 0)))
+            {
+                let moved = |h: f64| {
+                    let mut p = point(triad);
+                    change(&mut p, axis, h);
+                    predict(&p)
                 };
-                compare(triad, 1e-4, 1e-6, turn, |g| g.attitude[axis]);
+                let (after, before) = (moved(*step), moved(-step));
+                for k in 0..5 {
+                    // The pseudorange of 2e7 m carries 4e-9 m of rounding.
+                    let rounding = if k == 0 { 4e-9 / step } else { 0.0 };
+                    let difference = (after[k].value - before[k].value) / (2.0 * step);
+                    let error = (difference - part(&at[k].gradient, axis)).abs();
+                    let allowed = tolerance * difference.abs().max(1.0) + rounding;
+                    assert!(error < allowed, "{k}, axis {axis}: {error:e}");
+                }
             }
-            compare(triad, 1.0, 1e-9, |p, h| p.motion.clock_m += h, |g| g.clock);
-            compare(triad, 1.0, 1e-9, |p, h| p.motion.clock_rate_mps += h, |g| g.clock_rate);
-            compare(triad, 1e-4, 1e-6, |p, h| p.angle_rad += h, |g| g.arm_angle);
         }
     }
 

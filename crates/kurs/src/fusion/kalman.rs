@@ -126,13 +126,15 @@ impl Estimate {
     /// Φ (Φ P)ᵀ is the same for a symmetric P, so that the sparse Φ is applied to contiguous
     /// columns only.
     pub fn propagate(&mut self, transition: impl Fn(&mut [f64])) {
-        let n = self.covariance.nrows();
-        for _ in 0..2 {
-            for column in self.covariance.as_mut_slice().chunks_exact_mut(n) {
-                transition(column);
-            }
-            self.covariance.transpose_mut();
+        let n = self.correction.len();
+        let covariance = self.covariance.as_mut_slice();
+        covariance.chunks_exact_mut(n).for_each(&transition);
+        match n {
+            17 => transpose(17, covariance),
+            20 => transpose(20, covariance),
+            n => transpose(n, covariance),
         }
+        covariance.chunks_exact_mut(n).for_each(transition);
     }
 
     /// Makes one state unknown again: independent of the others, with a standard deviation.
@@ -211,7 +213,6 @@ impl Estimate {
     fn take_from_covariance(&mut self) {
         let n = self.correction.len();
         let covariance = self.covariance.as_mut_slice();
-        // Sizes known to the compiler make loops of two and more values at a time.
         match n {
             17 => take(17, covariance, &self.downdates),
             20 => take(20, covariance, &self.downdates),
@@ -233,6 +234,19 @@ impl Estimate {
                     }
                 }
             }
+        }
+    }
+}
+
+// The kernels below are called with the usual numbers of states as constants: loops of a known
+// length take several values at a time.
+
+/// Transposes an n×n matrix.
+#[inline(always)]
+fn transpose(n: usize, values: &mut [f64]) {
+    for j in 1..n {
+        for i in 0..j {
+            values.swap(i * n + j, j * n + i);
         }
     }
 }

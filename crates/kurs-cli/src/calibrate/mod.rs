@@ -1,5 +1,7 @@
 //! `kurs calibrate`: accelerometers and gyros from logs of a resting sensor.
 
+mod report;
+
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -124,9 +126,13 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
         }
         let settings = RestSettings::for_step(log.step_s());
         let rests = static_intervals::find(&log.accelerometer, &settings);
-        if rests.is_empty() {
-            eprintln!("{}: no rest of two seconds found", file.display());
-        }
+        let resting: usize = rests.iter().map(ExactSizeIterator::len).sum();
+        eprintln!(
+            "{}: {} rests of two seconds and more, {:.0} % of the log",
+            file.display(),
+            rests.len(),
+            100.0 * resting as f64 / log.accelerometer.len() as f64
+        );
         let samples = &log.accelerometer;
         poses.extend(rests.into_iter().map(|rest| static_intervals::pose(&samples[rest])));
     }
@@ -165,6 +171,7 @@ fn report_accelerometer(
         );
     }
     write_residuals(&input.out, poses, &residuals)?;
+    report::accelerometer(&input.out, poses, model, &residuals)?;
     let table = AccelerometerTable {
         matrix: rows(&model.matrix),
         bias_mps2: model.bias_mps2.into(),
@@ -219,6 +226,7 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
         writeln!(table, "{},{x:e},{y:e},{z:e},{:.4}", point.tau_s, point.relative_sd)?;
     }
     table.finish()?;
+    report::gyro(&input.out, &curves)?;
     let gyro = GyroTable {
         bias_radps: bias.bias_radps.into(),
         bias_sd_radps: bias.sd_radps.into(),

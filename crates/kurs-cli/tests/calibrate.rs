@@ -1,0 +1,226 @@
+//! `kurs calibrate` from end to end: logs of a simulated sensor, what it finds in them, and what it
+//! says where it can find nothing.
+#![allow(clippy::unwrap_used)]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use kurs_sim::noise::Noise;
+use nalgebra::{Matrix3, Vector3};
+use serde::Deserialize;
+
+const G: f64 = 9.81;
+const STEP_S: f64 = 0.02;
+/// Of a sample, m/s².
+const NOISE_MPS2: f64 = 0.02;
+/// Samples of a rest: the thousand of the reference.
+const REST: usize = 1000;
+/// Samples of a turn to the next pose.
+const TURN: usize = 100;
+
+#[derive(Deserialize)]
+struct Calibration {
+    accelerometer: Option<Accelerometer>,
+    gyro: Option<Gyro>,
+}
+
+#[derive(Deserialize)]
+struct Accelerometer {
+    matrix: [[f64; 3]; 3],
+    bias_mps2: [f64; 3],
+    matrix_sd: [[f64; 3]; 3],
+    bias_sd_mps2: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct Gyro {
+    bias_radps: [f64; 3],
+    bias_sd_radps: [f64; 3],
+    noise_radps_per_sqrt_hz: [f64; 3],
+}
+
+fn truth() -> (Matrix3<f64>, Vector3<f64>) {
+    let m = Matrix3::new(1.003, 0.002, -0.001, 0.0, 0.998, 0.003, 0.0, 0.0, 1.001);
+    (m, Vector3::new(0.05, -0.08, 0.12))
+}
+
+fn six_directions() -> Vec<Vector3<f64>> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    axes.iter().flat_map(|axis| [*axis, -axis]).collect()
+}
+
+/// Evenly over the sphere (golden angle).
+fn directions(count: u32) -> Vec<Vector3<f64>> {
+    let golden = core::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count)
+        .map(|k| {
+            let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
+            let (sin, cos) = (golden * f64::from(k)).sin_cos();
+            Vector3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+        })
+        .collect()
+}
+
+/// A log that rests in every direction and shakes from one to the next; `scale` turns m/s² into the
+/// unit of the log.
+fn log(directions: &[Vector3<f64>], seed: u64, scale: f64, noise_mps2: f64) -> String {
+    let (m, b) = truth();
+    let mut noise = Noise::seeded(seed);
+    let mut text = String::from("time_s,ax_mps2,ay_mps2,az_mps2\n");
+    let mut time_s = 0.0;
+    for (k, direction) in directions.iter().enumerate() {
+        let next = directions.get(k + 1).unwrap_or(direction);
+        for sample in 0..REST + TURN {
+            let part = sample.saturating_sub(REST) as f64 / TURN as f64;
+            let shaking = if sample < REST { noise_mps2 } else { 1.0 };
+            // Antipodes: straight through zero is no turn, but no rest either.
+            let felt = (direction * (1.0 - part) + next * part) * G;
+            let reading = (m * felt + b + noise.normal3(shaking)) * scale;
+            writeln!(text, "{time_s:.2},{:.7},{:.7},{:.7}", reading.x, reading.y, reading.z)
+                .unwrap();
+            time_s += STEP_S;
+        }
+    }
+    text
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, text).unwrap();
+    path
+}
+
+fn calibrate(folder: &Path, method: &str, files: &[PathBuf], more: &[&str]) -> Output {
+    let out = folder.join("out");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kurs"));
+    command.args(["calibrate", method]).args(files).args(["--out", out.to_str().unwrap()]);
+    command.args(more).output().unwrap()
+}
+
+fn found(folder: &Path, output: &Output) -> Calibration {
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    toml::from_str(&fs::read_to_string(folder.join("out/calibration.toml")).unwrap()).unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Root mean square errors of scale, misalignment and bias; every error within 4.5 of its stated
+/// standard deviations (each one in 150 000).
+fn errors(found: &Accelerometer) -> [f64; 3] {
+    let (m, b) = truth();
+    let mut squares = [0.0; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            let error = found.matrix[i][j] - m[(i, j)];
+            squares[usize::from(i != j)] += error * error;
+            assert!(error.abs() <= 4.5 * found.matrix_sd[i][j] + 1e-12, "{i} {j}: {error}");
+        }
+        let error = found.bias_mps2[i] - b[i];
+        squares[2] += error * error;
+        assert!(error.abs() <= 4.5 * found.bias_sd_mps2[i], "{i}: {error}");
+    }
+    [squares[0] / 3.0, squares[1] / 6.0, squares[2] / 3.0].map(f64::sqrt)
+}
+
+/// Reference with exact poses: 45 ppm, 0.046 mrad, 0.25 mm/s² over many logs; this is one.
+#[test]
+fn six_positions() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let log = [write(folder, "log.csv", &log(&six_directions(), 1, 1.0, NOISE_MPS2))];
+    let output = calibrate(folder, "six-position", &log, &["--gravity", "9.81"]);
+    let exact = found(folder, &output).accelerometer.unwrap();
+    let [scale, misalignment, bias] = errors(&exact);
+    assert!(scale < 2.0 * 45e-6 && misalignment < 2.0 * 0.046e-3 && bias < 2.0 * 0.25e-3);
+    assert!((exact.matrix_sd[0][0] / 45e-6 - 1.0).abs() < 0.1, "{}", exact.matrix_sd[0][0]);
+
+    let report = fs::read_to_string(folder.join("out/report.html")).unwrap();
+    assert!(report.contains("<h2>Residuals</h2>") && report.contains("plot-1"));
+    let residuals = fs::read_to_string(folder.join("out/residuals.csv")).unwrap();
+    assert_eq!(residuals.lines().count(), 7);
+
+    // A tenth of a degree of levelling cannot be seen in the data, but stated it dominates.
+    let more = ["--gravity", "9.81", "--levelling-deg", "0.1"];
+    let levelled = found(folder, &calibrate(folder, "six-position", &log, &more));
+    let levelled = levelled.accelerometer.unwrap();
+    assert!((levelled.matrix_sd[0][1] / 1.24e-3 - 1.0).abs() < 0.05);
+    assert!((levelled.bias_sd_mps2[0] / 5.7e-3 - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn many_poses() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let log = [write(folder, "log.csv", &log(&directions(24), 2, 1.0, NOISE_MPS2))];
+    let output = calibrate(folder, "multi-pose", &log, &["--gravity", "9.81"]);
+    let [scale, _, bias] = errors(&found(folder, &output).accelerometer.unwrap());
+    assert!(scale < 2.0 * 61e-6 && bias < 2.0 * 0.25e-3, "{scale} {bias}");
+    assert!(text(&output.stdout).contains("24 resting poses"));
+}
+
+/// Bias 20 °/h on one axis, noise 0.3 °/√h.
+#[test]
+fn a_resting_gyro() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let per_hour = 1f64.to_radians() / 3600.0;
+    let density = 0.3f64.to_radians() / 60.0;
+    let (bias, mut noise) = (Vector3::new(20.0, -5.0, 1.0) * per_hour, Noise::seeded(3));
+    let mut log = String::from("time_s,gx_degps,gy_degps,gz_degps\n");
+    for k in 0..60_000 {
+        let rate = (bias + noise.normal3(density / 0.01f64.sqrt())).map(f64::to_degrees);
+        writeln!(log, "{:.2},{:.8},{:.8},{:.8}", f64::from(k) * 0.01, rate.x, rate.y, rate.z)
+            .unwrap();
+    }
+    let log = [write(folder, "gyro.csv", &log)];
+    let gyro = found(folder, &calibrate(folder, "gyro-bias", &log, &[])).gyro.unwrap();
+    for axis in 0..3 {
+        let error = gyro.bias_radps[axis] - bias[axis];
+        assert!(error.abs() < 4.5 * gyro.bias_sd_radps[axis], "{axis}: {error}");
+        assert!((gyro.bias_sd_radps[axis] / (density / 600f64.sqrt()) - 1.0).abs() < 0.02);
+        assert!((gyro.noise_radps_per_sqrt_hz[axis] / density - 1.0).abs() < 0.02);
+    }
+    assert!(
+        fs::read_to_string(folder.join("out/report.html")).unwrap().contains("Allan deviation")
+    );
+    assert!(fs::read_to_string(folder.join("out/allan.csv")).unwrap().starts_with("tau_s,"));
+}
+
+/// What to do, in words.
+#[test]
+fn problems_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let refused = |method: &str, files: &[PathBuf], expected: &str| {
+        let output = calibrate(folder, method, files, &["--gravity", "9.81"]);
+        assert_eq!(output.status.code(), Some(1));
+        let told = text(&output.stderr);
+        assert!(told.contains(expected), "{told}");
+    };
+    let six = six_directions();
+    let missing = write(folder, "missing.csv", &log(&six[..5], 4, 1.0, NOISE_MPS2));
+    refused("six-position", &[missing], "poses are missing: z down; turn the sensor");
+    let unit = write(folder, "unit.csv", &log(&six, 5, 1.0 / 9.806_65, NOISE_MPS2));
+    refused("six-position", &[unit], "the unit is probably g; name it in the header");
+    let few = write(folder, "few.csv", &log(&directions(6), 6, 1.0, NOISE_MPS2));
+    refused("multi-pose", &[few], "6 resting poses, at least 9 are needed");
+    let one_sided: Vec<Vector3<f64>> = directions(120).into_iter().take(12).collect();
+    let alike = write(folder, "alike.csv", &log(&one_sided, 7, 1.0, NOISE_MPS2));
+    refused("multi-pose", &[alike], "the poses are too much alike");
+    // A file for every pose; one was taken on a shaking table.
+    let shaken: Vec<PathBuf> = six
+        .iter()
+        .enumerate()
+        .map(|(k, direction)| {
+            let noise = if k == 2 { 0.4 } else { NOISE_MPS2 };
+            write(folder, &format!("{k}.csv"), &log(&[*direction], 8, 1.0, noise))
+        })
+        .collect();
+    refused("six-position", &shaken, "motion in pose 3");
+    let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
+    refused("six-position", &[words], "no sensor columns; expected ax_mps2");
+}
