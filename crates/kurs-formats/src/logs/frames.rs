@@ -5,8 +5,8 @@
 //! begins; text is passed over; whatever else is no whole message is damage, and reading goes on at
 //! the next byte that begins one.
 //!
-//! The framing is our own because the damage list wants byte offsets, because one scan has to know
-//! all protocols of a mixed log, and because of its speed (`tests-referees`, bench `reading`).
+//! The framing is our own because the damage list wants byte offsets, and because one scan has to
+//! know all protocols of a mixed log.
 
 use super::checksum::{crc16_ccitt, crc24q, fletcher};
 use crate::damage::DamageLog;

@@ -4,7 +4,7 @@
 //!
 //! The messages are decoded here and not by the crate `rtcm-rs`, which has a type of its own for each
 //! of the 28 multiple signal messages: one description of their fields does for all of them, in both
-//! directions. The crate is a referee of the development tests instead (`tests-referees`).
+//! directions.
 
 pub(crate) mod clock;
 pub(crate) mod ephemeris;

@@ -4,8 +4,8 @@
 //! (RXM-RAWX), 3.17.8 (RXM-SFRBX).
 //!
 //! The messages are decoded here and not by the crate `ublox`, which keeps the signal of a
-//! measurement (`sigId`) among its reserved bytes and reads slower than a recording of this size
-//! allows; it is a referee of the development tests instead (`tests-referees`).
+//! measurement (`sigId`) among its reserved bytes, gives no byte offset of what it skips, and knows
+//! no other protocol between the messages.
 
 pub(crate) mod rawx;
 pub(crate) mod sfrbx;
