@@ -85,6 +85,12 @@ pub enum ObservationFormat {
     /// The same, packed.
     #[serde(rename = "crinex.gz")]
     CrinexGzip,
+    /// A u-blox log with the ephemerides: RXM-RAWX, RXM-SFRBX.
+    #[serde(rename = "ubx")]
+    Ubx,
+    /// An RTCM 3 log with the ephemerides: MSM 7, 1006, 1019, 1020, 1042, 1044, 1046.
+    #[serde(rename = "rtcm3")]
+    Rtcm3,
 }
 
 /// Which satellites there are and what hides them.

@@ -90,7 +90,8 @@ impl Files {
         let scenario = simulation.scenario();
         let mut files = Self::default();
         let create = |name: &str, header: &ObservationFileHeader| {
-            ObservationFiles::create(directory, name, &scenario.output.formats, header)
+            let formats = &scenario.output.formats;
+            ObservationFiles::create(directory, name, formats, header, simulation.navigation())
         };
         for (index, (body, made)) in scenario.body.iter().zip(&first.bodies).enumerate() {
             for (antenna, observed) in body.antenna.iter().zip(&made.observed.antennas) {

@@ -5,8 +5,11 @@ use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
+use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::ubx::UbxWriter;
 use kurs_sim::scenario::ObservationFormat;
 
 use crate::output::OutputFile;
@@ -18,19 +21,32 @@ pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
         ObservationFormat::RinexGzip => "rnx.gz",
         ObservationFormat::Crinex => "crx",
         ObservationFormat::CrinexGzip => "crx.gz",
+        ObservationFormat::Ubx => "ubx",
+        ObservationFormat::Rtcm3 => "rtcm3",
     };
     format!("{antenna}.{ending}")
 }
 
+/// Number of the station in an RTCM 3 log: every antenna has a log of its own.
+const STATION: u16 = 1;
+
 /// All files of one antenna.
-pub(super) struct ObservationFiles(Vec<ObservationWriter<Text>>);
+pub(super) struct ObservationFiles(Vec<Writer>);
+
+enum Writer {
+    Rinex(ObservationWriter<Text>),
+    Ubx(UbxWriter<OutputFile>),
+    Rtcm3(Rtcm3Writer<OutputFile>),
+}
 
 impl ObservationFiles {
+    /// Begins the files; logs have the ephemerides of `navigation` in them.
     pub(super) fn create(
         directory: &Path,
         antenna: &str,
         formats: &[ObservationFormat],
         header: &ObservationFileHeader,
+        navigation: &NavigationData,
     ) -> anyhow::Result<Self> {
         let open = |format: &ObservationFormat| {
             let file = OutputFile::create(directory, &file_name(antenna, *format))?;
@@ -42,18 +58,32 @@ impl ObservationFiles {
                 ObservationFormat::CrinexGzip => {
                     Text::CompactPacked(CompactWriter::new(packed(file), header.first)?)
                 }
+                ObservationFormat::Ubx => return Ok(Writer::Ubx(UbxWriter::new(file, navigation))),
+                ObservationFormat::Rtcm3 => {
+                    let place = header.position_m;
+                    let writer = Rtcm3Writer::new(file, STATION, place, navigation);
+                    return Ok(Writer::Rtcm3(writer));
+                }
             };
-            Ok(ObservationWriter::new(text, header)?)
+            Ok(Writer::Rinex(ObservationWriter::new(text, header)?))
         };
         formats.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
     }
 
     pub(super) fn write(&mut self, epoch: &AntennaEpoch) -> io::Result<()> {
-        self.0.iter_mut().try_for_each(|writer| writer.write(epoch))
+        self.0.iter_mut().try_for_each(|writer| match writer {
+            Writer::Rinex(rinex) => rinex.write(epoch),
+            Writer::Ubx(ubx) => ubx.write(epoch),
+            Writer::Rtcm3(rtcm) => rtcm.write(epoch),
+        })
     }
 
     pub(super) fn finish(self) -> anyhow::Result<()> {
-        self.0.into_iter().try_for_each(|writer| writer.finish()?.finish())
+        self.0.into_iter().try_for_each(|writer| match writer {
+            Writer::Rinex(rinex) => rinex.finish()?.finish(),
+            Writer::Ubx(ubx) => ubx.finish().finish(),
+            Writer::Rtcm3(rtcm) => rtcm.finish().finish(),
+        })
     }
 }
 
