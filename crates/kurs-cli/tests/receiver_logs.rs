@@ -58,8 +58,9 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
     assert_eq!(wanted.len(), 60);
     assert!(wanted.iter().filter(|row| row.0 == "fixed").count() > 55, "{wanted:?}");
     for format in ["ubx", "rtcm3"] {
-        let antenna =
-            |name: &str, place: &str| format!("{name}={}@{place}", path(&format!("simulated/{name}.{format}")));
+        let antenna = |name: &str, place: &str| {
+            format!("{name}={}@{place}", path(&format!("simulated/{name}.{format}")))
+        };
         let antennas = [antenna("A0", "0,0,0"), antenna("A1", "1.2,0,0")];
         let flags = ["--antenna", &antennas[0], "--antenna", &antennas[1]];
         let out = path(format);
