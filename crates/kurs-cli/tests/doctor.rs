@@ -52,7 +52,6 @@ fn session(directory: &Path, seed: u64, start: &str, fault: &Fault) -> PathBuf {
     kurs().arg("simulate").arg(&file).arg("--out").arg(directory).assert().success();
     let configuration = directory.join("kurs.toml");
     let mut text = fs::read_to_string(&configuration).unwrap();
-    text = text.replace("constraint = \"none\"", "constraint = \"array\"");
     for (from, to) in &fault.configuration {
         assert!(text.contains(from), "{from} in\n{text}");
         text = text.replace(from, to);
@@ -137,7 +136,7 @@ fn reflections() {
 #[test]
 fn no_common_band() {
     let keys = "signals = [\"G1C\", \"E1C\", \"C2I\"]";
-    let configuration = replaced("[solve]\n", "[solve]\nbands = [\"G2\"]\n");
+    let configuration = replaced("[nav]\n", "[solve]\nbands = [\"G2\"]\n[nav]\n");
     named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
 }
 
@@ -149,18 +148,14 @@ fn a_silent_antenna() {
 
 #[test]
 fn a_mask_too_high() {
-    let configuration = replaced("[solve]\n", "[solve]\nelevation_mask_deg = 68.0\n");
+    let configuration = replaced("[nav]\n", "[solve]\nelevation_mask_deg = 68.0\n[nav]\n");
     named("few_satellites", 109, &Fault { configuration, ..Fault::default() });
 }
 
 #[test]
 fn a_single_band_without_geometry() {
-    let configuration = [
-        ("[solve]\n", "[solve]\nbands = [\"G1\"]\n"),
-        ("constraint = \"array\"", "constraint = \"none\""),
-    ]
-    .map(|(from, to)| (from.into(), to.into()))
-    .to_vec();
+    let configuration =
+        replaced("[nav]\n", "[solve]\nbands = [\"G1\"]\nconstraint = \"none\"\n[nav]\n");
     let tables = "[noise]\ncode_sd_m = 0.45\nphase_sd_cycles = 0.02\n";
     named("weak_model", 110, &Fault { tables, configuration, ..Fault::default() });
 }

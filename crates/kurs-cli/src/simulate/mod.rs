@@ -189,6 +189,11 @@ fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Re
             writeln!(file, "position_m = {:?}\n", antenna.position_m)?;
         }
         writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]")?;
+        if let Some(station) = &scenario.station {
+            let position_m = station.place.geodetic().to_ecef().xyz();
+            writeln!(file, "\n[station]\nobs = [{:?}]", file_name(&station.name, *format))?;
+            writeln!(file, "position_ecef_m = {:?}", position_m.as_slice())?;
+        }
         file.finish()?;
     }
     Ok(())

@@ -140,9 +140,9 @@ impl Fixer {
             (Constraint::Length, Some(array)) => {
                 self.with_lengths(float, links, frame, array, settings.array_sd_m)
             }
-            (Constraint::Array, Some(array)) => {
-                self.with_array(float, frame, array, settings.array_sd_m)
-            }
+            (Constraint::Array, Some(array)) => self
+                .with_array(float, frame, array, settings.array_sd_m)
+                .or_else(|reason| self.against_geometry(reason, float, settings)),
             _ => self.without_constraint(float),
         };
         match found {
@@ -205,6 +205,18 @@ impl Fixer {
             integers[*row] = *integer;
         }
         self.weigh(&integers, &costs, self.array.proven_to(), float, rate)
+    }
+
+    /// A search that finds no end may have been told a wrong array: integers that are sure without it
+    /// show that, by the checks that they are going to fail.
+    fn against_geometry(
+        &mut self,
+        reason: Reason,
+        float: &FloatSolution,
+        settings: &Settings,
+    ) -> Result<Found, Reason> {
+        let sure = |found: &Found| found.rivals <= MARGIN * settings.max_wrong_fix_rate;
+        self.without_constraint(float).ok().filter(sure).ok_or(reason)
     }
 
     /// Each baseline by itself with its known length; the joint ambiguities follow from the

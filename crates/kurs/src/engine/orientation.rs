@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use crate::array::{AntennaArray, Shape};
 use crate::attitude::joint;
 use crate::baseline::Baselines;
+use crate::chi_square::chi_square_tail;
 use crate::frames::{Body, Ned, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
@@ -12,9 +13,8 @@ use crate::solution::{AttitudeEstimate, Reason};
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
-/// Fixed baselines whose misfit to the array is this many times the expected one (three standard
-/// deviations all over) do not come from this array.
-const MAX_VARIANCE_FACTOR: f64 = 9.0;
+/// Fixed baselines whose misfit to the array is less probable than this do not come from this array.
+const LEAST_PROBABLE_MISFIT: f64 = 1e-5;
 
 /// Orientation of the body: all three angles for an array that spans a plane, otherwise heading
 /// and pitch of the line of antennas.
@@ -61,7 +61,9 @@ fn full(
     let solved = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0)
         .map_err(|_| Reason::Geometry)?;
     let misfit = misfit(&solved.residuals_m, &softened(covariance_m2, array_sd_m));
-    if misfit.is_none_or(|chi2| chi2 > MAX_VARIANCE_FACTOR * solved.degrees_of_freedom as f64) {
+    let probable =
+        |chi2| chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT;
+    if !misfit.is_some_and(probable) {
         return Err(Reason::Geometry);
     }
     if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
