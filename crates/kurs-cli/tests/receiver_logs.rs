@@ -55,7 +55,7 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
     kurs(&["simulate", &path("scenario.toml"), "--out", &path("simulated"), "--quiet"]);
     kurs(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
     let wanted = rows(&folder.path().join("rinex"));
-    assert_eq!(wanted.len(), 60);
+    assert_eq!(wanted.len(), 61);
     assert!(wanted.iter().filter(|row| row.0 == "fixed").count() > 55, "{wanted:?}");
     for format in ["ubx", "rtcm3"] {
         let antenna = |name: &str, place: &str| {

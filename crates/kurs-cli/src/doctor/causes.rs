@@ -6,7 +6,7 @@ use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
-use kurs::signal::System;
+use kurs::signal::{Band, System};
 use kurs::solution::{SignalResidual, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
@@ -69,7 +69,7 @@ pub(super) fn findings(
     if ill {
         all.extend(patient.times(sample, trials));
         all.extend(patient.ephemerides(sample, trials));
-        all.extend(patient.bands(sample, trials));
+        all.extend(patient.bands(sample));
         all.extend(patient.system(trials));
         all.extend(patient.geometry(sample, trials));
         all.extend(patient.antenna(trials));
@@ -156,25 +156,24 @@ impl Patient<'_> {
     }
 
     /// Wanted bands that no two antennas have.
-    fn bands(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
-        if trials.configured.rows.iter().any(|row| row.shared_satellites > 0)
-            || trials.configured.share_of_reason("few_satellites") < MANY
-        {
+    fn bands(&self, sample: &Sample) -> Option<Finding> {
+        let of_antenna = |antenna: usize| -> BTreeSet<Band> {
+            let epochs = sample.epochs.iter().filter_map(|e| e.antennas[antenna].as_ref());
+            epochs.flat_map(|e| e.observations.iter().map(|o| o.signal.band)).collect()
+        };
+        let have: Vec<BTreeSet<Band>> = (0..self.names.len()).map(of_antenna).collect();
+        let shared = |band: &Band| have.iter().filter(|bands| bands.contains(band)).count() >= 2;
+        if have.iter().flatten().any(|band| self.settings.wants(*band) && shared(band)) {
             return None;
         }
-        let have: Vec<String> = (0..self.names.len())
-            .map(|antenna| {
-                let epochs = sample.epochs.iter().filter_map(|e| e.antennas[antenna].as_ref());
-                let bands = epochs.flat_map(|e| e.observations.iter().map(|o| o.signal.band));
-                let bands: BTreeSet<String> = bands.map(|b| b.to_string()).collect();
-                let bands: Vec<String> = bands.into_iter().collect();
-                format!("{}: {}", self.names[antenna], bands.join(" "))
-            })
-            .collect();
+        let listed = self.names.iter().zip(&have).map(|(name, bands)| {
+            let bands: Vec<String> = bands.iter().map(Band::to_string).collect();
+            format!("{name}: {}", bands.join(" "))
+        });
         Some(Finding {
             code: "no_common_band",
             cause: "no two antennas share a wanted band".into(),
-            evidence: have.join("; "),
+            evidence: listed.collect::<Vec<_>>().join("; "),
             advice: "set `bands` to bands that every antenna has".into(),
         })
     }

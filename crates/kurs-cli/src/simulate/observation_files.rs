@@ -34,7 +34,7 @@ const STATION: u16 = 1;
 pub(super) struct ObservationFiles(Vec<Writer>);
 
 enum Writer {
-    Rinex(ObservationWriter<Text>),
+    Rinex(Box<ObservationWriter<Text>>),
     Ubx(UbxWriter<OutputFile>),
     Rtcm3(Rtcm3Writer<OutputFile>),
 }
@@ -65,7 +65,7 @@ impl ObservationFiles {
                     return Ok(Writer::Rtcm3(writer));
                 }
             };
-            Ok(Writer::Rinex(ObservationWriter::new(text, header)?))
+            Ok(Writer::Rinex(Box::new(ObservationWriter::new(text, header)?)))
         };
         formats.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
     }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 mod glonass;
+mod lasting;
 mod scene;
 
 use kurs::engine::{Ambiguities, Constraint};

@@ -61,8 +61,7 @@ fn full(
     let solved = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0)
         .map_err(|_| Reason::Geometry)?;
     let misfit = misfit(&solved.residuals_m, &softened(covariance_m2, array_sd_m));
-    let probable =
-        |chi2| chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT;
+    let probable = |chi2| chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT;
     if !misfit.is_some_and(probable) {
         return Err(Reason::Geometry);
     }
