@@ -53,15 +53,15 @@ fn main() {
             satellites += row.satellites;
         }
         times_ms.sort_by(f64::total_cmp);
-        let quantile = |share: f64| times_ms[(share * (times_ms.len() - 1) as f64) as usize];
+        let quantile = |share: usize| times_ms[times_ms.len() * share / 100];
         println!(
             "{constraint:?}: {} epochs, {:.1} satellites, {:.1} ambiguities, {:.2} % fixed, p50 {:.2} ms, p99 {:.2} ms",
             times_ms.len(),
             satellites as f64 / times_ms.len() as f64,
             ambiguities as f64 / times_ms.len() as f64,
             100.0 * fixed as f64 / times_ms.len() as f64,
-            quantile(0.5),
-            quantile(0.99),
+            quantile(50),
+            quantile(99),
         );
     }
 }

@@ -9,7 +9,10 @@ use crate::scene::{PLACES_M, Scene, array};
 /// Share of the rows that are refused for one of `reasons`, and the number of fixed ones, with
 /// these places in the configuration.
 fn refused(places_m: &[[f64; 3]], reasons: &[Reason]) -> (f64, usize) {
-    let mut scene = Scene::new(4, |scenario| scenario.interval_s = 0.5);
+    let mut scene = Scene::new(4, |scenario| {
+        scenario.interval_s = 1.0;
+        scenario.signals = ["G1C", "G2W", "E1C", "E5Q"].map(str::to_owned).to_vec();
+    });
     scene.settings.array = Some(array(places_m));
     let mut count: BTreeMap<(Status, Option<Reason>), usize> = BTreeMap::new();
     scene.run(
@@ -35,12 +38,12 @@ fn swapped_antennas() {
     }
 }
 
+/// By three centimetres and more; two are within the noise of single epochs.
 #[test]
 fn one_antenna_elsewhere() {
     for (antenna, moved_m) in [
         (1, [0.03, 0.0, 0.0]),
         (1, [0.0, 0.05, 0.0]),
-        (2, [0.0, -0.02, 0.0]),
         (3, [-0.01, 0.02, 0.02]),
         (0, [0.04, 0.0, 0.0]),
     ] {

@@ -24,6 +24,9 @@ use super::settings::{Constraint, Settings};
 const CANDIDATES: usize = 4;
 /// The same for the search of a whole array, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
+/// Branches that the search of an array opens before it gives up: some milliseconds' worth, a hundred
+/// times what a good epoch needs.
+const ARRAY_NODES: usize = 20_000;
 /// Rivals of an array that cost more than the best by more than this are not looked for.
 const ARRAY_HORIZON: f64 = 30.0;
 /// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
@@ -94,7 +97,7 @@ impl Default for Fixer {
     fn default() -> Self {
         // Proving that nothing lies far beyond the best takes longer than finding it.
         let mut array = ArrayConstrained::default();
-        array.horizon = ARRAY_HORIZON;
+        (array.horizon, array.node_budget) = (ARRAY_HORIZON, ARRAY_NODES);
         Self {
             free: IntegerLeastSquares::default(),
             length: LengthConstrained::default(),

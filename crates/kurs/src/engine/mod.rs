@@ -1,6 +1,7 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
 mod fix;
+mod geometry_doubt;
 mod locate;
 mod noise_scale;
 mod orientation;
@@ -23,6 +24,7 @@ use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
 use fix::{Fixer, Verdict};
+use geometry_doubt::GeometryDoubt;
 use locate::{Located, locate};
 use station::Station;
 
@@ -37,6 +39,7 @@ pub struct Engine {
     /// stands alone.
     carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
+    geometry_doubt: GeometryDoubt,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
@@ -65,6 +68,7 @@ impl Engine {
             located: Vec::new(),
             links: Vec::new(),
             fixer: Fixer::default(),
+            geometry_doubt: GeometryDoubt::default(),
             mounts: Vec::new(),
             ned_from_body: None,
             station: None,
@@ -202,7 +206,8 @@ impl Engine {
             self.settings.array.as_ref(),
             self.settings.array_sd_m,
         );
-        (row.status, row.reason) = judge(outcome.verdict, &orientation, &self.settings);
+        let (status, reason) = judge(outcome.verdict, &orientation, &self.settings);
+        (row.status, row.reason) = self.geometry_doubt.judge(status, reason);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.ok();
         self.remember_axes(row);
