@@ -226,13 +226,13 @@ impl Arc {
     }
 }
 
-/// What turns `before` into `text`: a blank where a character stays, `&` where it becomes blank.
+/// What turns `before` into `text`: a blank where a character stays, `&` where it becomes blank, also
+/// beyond the end of `before`.
 fn changes(before: &[u8], text: &[u8]) -> Vec<u8> {
-    let at = |text: &[u8], index| text.get(index).copied().unwrap_or(b' ');
-    let change = |index| match (at(before, index), at(text, index)) {
-        (old, new) if old == new => b' ',
+    let change = |index: usize| match (before.get(index), text.get(index).unwrap_or(&b' ')) {
+        (Some(old), new) if old == new => b' ',
         (_, b' ') => b'&',
-        (_, new) => new,
+        (_, new) => *new,
     };
     (0..before.len().max(text.len())).map(change).collect()
 }
