@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
+use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::Vector;
 use kurs::sky::NoiseModel;
 use kurs::solution::Status;
@@ -62,22 +62,14 @@ fn the_car_is_solved_with_honest_sigmas() {
     let settings = Settings {
         antennas: antennas.len(),
         array: Some(AntennaArray::new(places).unwrap()),
-        points_m: Vec::new(),
-        bands: None,
-        elevation_mask_rad: 10f64.to_radians(),
-        ambiguities: Ambiguities::Instantaneous,
         constraint: Constraint::None,
-        array_sd_m: 0.002,
-        max_wrong_fix_rate: 0.001,
-        max_tilt_rad: core::f64::consts::FRAC_PI_2,
-        residuals: false,
-        first_antenna_m: None,
         noise: NoiseModel {
             code_zenith_m: 0.3,
             phase_zenith_m: 0.002,
             full_cn0_dbhz: 45.0,
             channel_sd_m: 0.0,
         },
+        ..Settings::default()
     };
     let mut engine = Engine::new(settings, simulation.navigation().clone()).unwrap();
     let mut epoch = SimulatedEpoch::default();

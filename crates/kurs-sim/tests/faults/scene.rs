@@ -2,10 +2,9 @@
 //! the engine sees them.
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
+use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::observation::ArrayEpoch;
-use kurs::sky::NoiseModel;
 use kurs::solution::{EpochSolution, Status};
 use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, BodyEpoch, SimulatedEpoch, Simulation};
@@ -62,22 +61,8 @@ impl Scene {
         let settings = Settings {
             antennas,
             array: Some(array(&PLACES_M[..antennas])),
-            points_m: Vec::new(),
-            bands: None,
-            elevation_mask_rad: 10f64.to_radians(),
-            ambiguities: Ambiguities::Instantaneous,
             constraint: Constraint::Array,
-            array_sd_m: 0.002,
-            max_wrong_fix_rate: 0.001,
-            max_tilt_rad: core::f64::consts::FRAC_PI_2,
-            noise: NoiseModel {
-                code_zenith_m: 0.2,
-                phase_zenith_m: 0.0015,
-                full_cn0_dbhz: 45.0,
-                channel_sd_m: 0.0,
-            },
-            residuals: false,
-            first_antenna_m: None,
+            ..Settings::default()
         };
         Self { simulation, settings }
     }

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
+use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::signal::{Satellite, Signal};
 use kurs::sky::NoiseModel;
@@ -54,17 +54,10 @@ pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings 
     Settings {
         antennas: antennas.len(),
         array: Some(AntennaArray::new(places).unwrap()),
-        points_m: Vec::new(),
-        bands: None,
-        elevation_mask_rad: 10f64.to_radians(),
-        ambiguities: Ambiguities::Instantaneous,
         constraint,
-        array_sd_m: 0.002,
-        max_wrong_fix_rate: 0.001,
-        max_tilt_rad: core::f64::consts::FRAC_PI_2,
         noise: NOISE,
         residuals: true,
-        first_antenna_m: None,
+        ..Settings::default()
     }
 }
 
