@@ -57,6 +57,7 @@ impl ComplementaryFilter {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::print_stdout)]
     use super::*;
     use core::f64::consts::TAU;
     use rand::SeedableRng;
@@ -101,7 +102,8 @@ mod tests {
         let integral =
             ComplementaryFilter { integral_gain: 0.05, ..ComplementaryFilter::new(0.995, 0.0) };
         let learned = reference_motion(integral);
-        assert!(learned < 0.18, "{learned}");
+        println!("a = 0.995: {slow:.3}° calibrated, {learned:.3}° with integral term");
+        assert!((learned - 0.157).abs() < 0.015, "{learned}");
         // The gyro alone drifts by its bias; here it is off by degrees within seconds.
         let drifting = reference_motion(ComplementaryFilter::new(1.0, 0.0));
         assert!(drifting > 30.0, "{drifting}");

@@ -152,8 +152,6 @@ impl Config {
             correlation_s: antennas.correlation_s,
             first_angle_sd_rad: filter.first_angle_sd_deg.to_radians(),
             place: antennas.latitude_deg.map(place),
-            rate_range_radps: imu.gyro_range_degps.to_radians(),
-            force_range_mps2: imu.accelerometer_range_mps2,
             order_window_s: filter.order_window_s,
             smooth: filter.smooth,
         })

@@ -112,6 +112,9 @@ struct Sensor {
     calibration: Calibration,
     body_from_imu: Matrix3<f64>,
     time_offset_s: f64,
+    /// Readings at or beyond these are saturated.
+    rate_range_radps: f64,
+    force_range_mps2: f64,
 }
 
 impl Sensor {
@@ -130,8 +133,15 @@ impl Sensor {
             let norms = ahead.iter().filter_map(|row| Some(row.accelerometer?.norm()));
             gravity_check::refuse_other_units(norms.collect(), gravity_check::AT_REST_MPS2)?;
         }
-        let (body_from_imu, time_offset_s) = (config.body_from_imu(), config.imu.time_offset_s);
-        Ok(Self { reader, ahead, calibration, body_from_imu, time_offset_s })
+        Ok(Self {
+            reader,
+            ahead,
+            calibration,
+            body_from_imu: config.body_from_imu(),
+            time_offset_s: config.imu.time_offset_s,
+            rate_range_radps: config.imu.gyro_range_degps.to_radians(),
+            force_range_mps2: config.imu.accelerometer_range_mps2,
+        })
     }
 
     /// The next sample, unless it is later than this.
@@ -145,8 +155,14 @@ impl Sensor {
         }
         let row = self.ahead.pop_front()?;
         let in_body = |v: Vector3<f64>| Vector::from_xyz(self.body_from_imu * v);
-        let rate_radps = in_body(self.calibration.rate(&row.gyro?));
-        let force = row.accelerometer.map(|reading| in_body(self.calibration.force(&reading)));
-        Some((at_s, ImuSample { rate_radps, specific_force_mps2: force }))
+        let inside = |reading: &Vector3<f64>, range: f64| reading.amax() < range;
+        let rate = row.gyro.filter(|reading| inside(reading, self.rate_range_radps));
+        let force = row.accelerometer.filter(|reading| inside(reading, self.force_range_mps2));
+        let sample = ImuSample {
+            rate_radps: rate.map(|reading| in_body(self.calibration.rate(&reading))),
+            specific_force_mps2: force.map(|reading| in_body(self.calibration.force(&reading))),
+            saturated: rate.is_none() || force.is_none() != row.accelerometer.is_none(),
+        };
+        Some((at_s, sample))
     }
 }
