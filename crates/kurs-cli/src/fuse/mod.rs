@@ -6,6 +6,7 @@ mod antennas;
 mod arm;
 mod calibration;
 mod gravity_check;
+mod imu;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
