@@ -107,11 +107,15 @@ fn summary(folder: &Path) -> serde_json::Value {
 
 /// A table: seconds since the first row, then the named columns; empty fields as NaN.
 fn table(path: &Path, names: &[&str]) -> Vec<Vec<f64>> {
+    table_of(path, "tow_s", names)
+}
+
+fn table_of(path: &Path, time: &str, names: &[&str]) -> Vec<Vec<f64>> {
     let file = fs::read_to_string(path).unwrap();
     let mut lines = file.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let place = |name: &str| header.iter().position(|h| *h == name).unwrap();
-    let (time, places) = (place("tow_s"), names.iter().map(|n| place(n)).collect::<Vec<_>>());
+    let (time, places) = (place(time), names.iter().map(|n| place(n)).collect::<Vec<_>>());
     let rows = lines.map(|line| line.split(',').collect::<Vec<_>>());
     rows.map(|fields| {
         let value = |k: usize| fields[k].parse().unwrap_or(f64::NAN);
@@ -275,7 +279,12 @@ fn what_cannot_be_is_refused_in_words() {
     simulated(folder, &SCENARIO.replace("duration_s = 100.0", "duration_s = 12.0"));
     let good = config(folder);
     for (from, to, status, expected) in [
-        ("[antennas]", "[antenna]", 2, "either [arm], or [antennas] and [imu] must stand"),
+        (
+            "[antennas]",
+            "[antenna]",
+            2,
+            "one of [arm], [antennas] with [imu], [tilt] with [imu] must stand",
+        ),
         ("file = \"imu.csv\"", "", 2, "imu.file: no log of the inertial sensor"),
         ("position_m = [-0.5", "positon_m = [-0.5", 2, "did you mean `position_m`?"),
         ("gyro_range_degps = 2000.0", "gyro_range_degps = 0.0", 2, "imu.gyro_range_degps: 0 found"),
@@ -303,4 +312,47 @@ fn what_cannot_be_is_refused_in_words() {
     let told = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{told}");
     assert!(told.contains("the unit is probably g, name it in the header"), "{told}");
+}
+
+/// Pitch and roll of a ship from its sensor alone: the complementary filter is better than what the
+/// accelerometers show in the swell, with and without smoothing.
+#[test]
+fn the_tilt_of_the_sensor_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let start = SCENARIO.find("kind = \"car\"").unwrap();
+    let end = SCENARIO.find("[[body.antenna]]").unwrap();
+    let ship = "kind = \"ship\"\nplace = { latitude_deg = 55.75, longitude_deg = 37.62, height_m = 0.0 }\n\
+        heading_deg = 70.0\nspeed_mps = 6.0\nperiod_s = 5.0\nroll_rms_deg = 4.0\npitch_rms_deg = 1.0\n\
+        yaw_rms_deg = 1.0\nheave_rms_m = 0.4\n\n";
+    let scenario = format!("{}{ship}{}", &SCENARIO[..start], &SCENARIO[end..])
+        .replace("position_m = [-0.5, 0.1, 0.4]", "position_m = [-0.5, 0.1, 6.0]");
+    let file = folder.join("scenario.toml");
+    fs::write(&file, scenario).unwrap();
+    run(&["simulate", file.to_str().unwrap(), "--out", folder.to_str().unwrap(), "-q"]);
+    let config = folder.join("tilt.toml");
+    let out = folder.join("tilt");
+    let fused = |keys: &str| {
+        let imu = "[imu]\nfile = \"imu.csv\"\nmounting_deg = [2.0, -1.0, 180.0]\n";
+        fs::write(&config, format!("[tilt]\n{keys}\n{imu}")).unwrap();
+        kurs(&["fuse", config.to_str().unwrap(), "--out", out.to_str().unwrap()])
+    };
+    let output = fused("gyro_share = 0.998\nintegral_gain = 0.001");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let truth = table_of(&folder.join("truth.csv"), "tow_s", &["roll_deg"]);
+    let columns = ["roll_deg", "accelerometer_roll_deg", "smoothed_roll_deg"];
+    let found = table_of(&out.join("tilt.csv"), "time_s", &columns);
+    let mut squares = [0.0; 3];
+    for wanted in truth.iter().filter(|row| row[0] > 30.0 && row[0] < 99.0) {
+        let row = found
+            .iter()
+            .min_by(|a, b| (a[0] - wanted[0]).abs().total_cmp(&(b[0] - wanted[0]).abs()));
+        let row = row.unwrap();
+        (0..3).for_each(|k| squares[k] += (row[k + 1] - wanted[1]).powi(2));
+    }
+    assert!(4.0 * squares[0] < squares[1] && 4.0 * squares[0] < squares[2], "{squares:?}");
+
+    let output = fused("gyro_share = 1.5");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("tilt.gyro_share: 1.5 found, 0 to below 1 expected"));
 }
