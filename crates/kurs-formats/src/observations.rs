@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
@@ -16,14 +17,14 @@ use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
 const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip; \
-    or a receiver log: UBX, RTCM 3";
+    or a receiver log: UBX, RTCM 3, SBF";
 
 /// A file with observations, opened.
 #[derive(Debug)]
 pub enum ObservationSource {
     /// RINEX 2, 3 or 4, compact or not.
     Rinex(Box<ObservationReader>),
-    /// A receiver log: UBX or RTCM 3.
+    /// A receiver log: UBX, RTCM 3 or SBF.
     Log(Box<LogReader>),
 }
 
@@ -94,6 +95,7 @@ impl ObservationSource {
             }
             Content::Ubx => Protocol::Ubx,
             Content::Rtcm3 => Protocol::Rtcm3,
+            Content::Sbf => Protocol::Sbf,
             other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
         };
         let wants_date = protocol == Protocol::Rtcm3 && options.approximate_time.is_none();
@@ -119,6 +121,16 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => Some(reader.header()),
             Self::Log(_) => None,
+        }
+    }
+
+    /// Where the file says that the antenna is: the approximate position of a header; the place of a
+    /// station in an RTCM 3 log, as of the messages so far.
+    #[must_use]
+    pub fn stated_position_m(&self) -> Option<Vector<Ecef>> {
+        match self {
+            Self::Rinex(reader) => reader.header().approximate_position_m,
+            Self::Log(reader) => reader.place_m(),
         }
     }
 
