@@ -103,7 +103,10 @@ fn simulated_files_are_read_alike_by_everyone() {
                     format!("DIFFERENT: {difference}")
                 }
             };
-            println!("{name:<8}{:<6}{referee:<12}{result}", path.extension().unwrap_or_default().display());
+            println!(
+                "{name:<8}{:<6}{referee:<12}{result}",
+                path.extension().unwrap_or_default().display()
+            );
         }
     }
     fs::remove_dir_all(&folder).expect("the folder");

@@ -43,6 +43,34 @@ fn clock_offsets_are_read() {
     assert_eq!(epochs[3].clock_offset_s, Some(4.5e-7));
 }
 
+/// `rnx2crx` 4.1.0 forgets the digits of an observation that is missing without writing `&` for them:
+/// they must not come back with the observation.
+#[test]
+fn digits_end_with_their_observation() {
+    let record = |content: &str, label: &str| format!("{content:<60}{label}\n");
+    let text = [
+        &record("1.0                 COMPACT RINEX FORMAT", "CRINEX VERS   / TYPE"),
+        &record("RNX2CRX ver.4.1.0", "CRINEX PROG / DATE"),
+        &record("     2.11           OBSERVATION DATA    G (GPS)", "RINEX VERSION / TYPE"),
+        &record("     3    C1    L1    L2", "# / TYPES OF OBSERV"),
+        &record("", "END OF HEADER"),
+        "&99  1  2  0  0  0.0000000  0  1G 5\n\n",
+        "3&22000000000 3&100000000000 3&100000000000  4151\n",
+        "                 1\n\n0  0      5\n",
+        "                 2\n\n0 3&100000000000 0     &&\n",
+        "                 3\n\n0 0 0   15\n",
+    ];
+    let (epochs, damage) = read(&text.concat());
+    let locks = |band: u8| {
+        let phase = |o: &&Observation| o.signal.band.digit == band && o.phase_cycles.is_some();
+        epochs.iter().map(|epoch| epoch.observations.iter().find(phase).map(|o| o.lock.0)).collect()
+    };
+    let [first, second]: [Vec<_>; 2] = [locks(1), locks(2)];
+    assert_eq!(damage, 0);
+    assert_eq!(first, [Some(1), None, Some(0), Some(1)]);
+    assert_eq!(second, [Some(1), Some(1), Some(0), Some(0)]);
+}
+
 /// Everything that comes out of a damaged file is in the whole one.
 fn nothing_false(epochs: &[AntennaEpoch], whole: &[AntennaEpoch]) -> Result<(), String> {
     let fits = |a: Option<f64>, b: Option<f64>| a.is_none() || a == b;

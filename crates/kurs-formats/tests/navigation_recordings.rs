@@ -1,10 +1,11 @@
 //! Navigation files of real receivers and precise orbits; skipped, visibly, where the recordings are
 //! absent.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use kurs::ephemeris::{EphemerisStore, NavigationData, PreciseOrbits};
-use kurs::signal::System;
+use kurs::ephemeris::{EphemerisStore, NavigationData, PreciseOrbits, SatelliteState};
+use kurs::signal::{Satellite, System};
 use kurs_formats::navigation::{self, ReadSummary};
 use kurs_formats::source::Source;
 
@@ -119,6 +120,45 @@ fn broadcast_orbits_against_precise_ones() {
         println!("{system}: {} positions, 3D RMS {rms_m:.3} m, worst {worst:.3} m", errors.len());
         assert!(errors.len() > least, "{system}: {}", errors.len());
         assert!(rms_m <= limit_m, "{system}: {rms_m} m");
+    }
+}
+
+/// Velocity of every record and precise orbit against differences of position over 2 s, which are
+/// themselves off by a sixth of the third derivative of the orbit: up to 2e-5 m/s.
+#[test]
+fn velocities_are_differences_of_position() {
+    let (Some((broadcast, _)), Some((precise, _))) = (read(BROADCAST), read(FIVE_SYSTEMS)) else {
+        return;
+    };
+    let mut worst_mps = BTreeMap::new();
+    let mut note = |kind: &str, satellite: Satellite, [before, now, after]: [SatelliteState; 3]| {
+        let difference_mps = (after.position_m - before.position_m) * 0.5;
+        let apart_mps = (difference_mps - now.velocity_mps).norm();
+        let geo = if satellite.is_beidou_geo() { " GEO" } else { "" };
+        let entry = worst_mps.entry(format!("{}{geo}, {kind}", satellite.system)).or_insert(0.0);
+        *entry = f64::max(*entry, apart_mps);
+    };
+    for record in broadcast.ephemerides.iter() {
+        for age_s in [-800.0, 17.0, 850.0] {
+            let time = record.reference_time() + age_s;
+            let at = |offset_s| record.state(time + offset_s).expect("near the reference time");
+            note("broadcast", record.satellite(), [at(-1.0), at(0.0), at(1.0)]);
+        }
+    }
+    let orbits = precise.ephemerides.precise();
+    for (satellite, nodes) in orbits.iter() {
+        for node in nodes.iter().skip(20).step_by(17) {
+            let at = |offset_s: f64| orbits.state(satellite, node.time + 77.0 + offset_s);
+            let (Some(before), Some(now), Some(after)) = (at(-1.0), at(0.0), at(1.0)) else {
+                continue;
+            };
+            note("precise", satellite, [before, now, after]);
+        }
+    }
+    assert_eq!(worst_mps.len(), 6 + 5, "{worst_mps:?}");
+    for (orbit, worst_mps) in worst_mps {
+        println!("{orbit}: velocity within {:.4} mm/s", worst_mps * 1e3);
+        assert!(worst_mps <= 1e-3, "{orbit}: {worst_mps} m/s");
     }
 }
 

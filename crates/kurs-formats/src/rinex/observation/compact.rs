@@ -344,6 +344,12 @@ impl CompactLines {
         }
         apply_changes(&mut state.digits, rest);
         state.digits.truncate(2 * count);
+        // A missing observation has no digits, and the next change is one to blanks.
+        for (digits, arc) in state.digits.chunks_mut(2).zip(&state.arcs) {
+            if arc.number == Number::Blank {
+                digits.fill(b' ');
+            }
+        }
         self.rows.push(Row { satellite, line_number });
     }
 
