@@ -34,16 +34,16 @@ impl Division {
     /// By a polynomial without its highest bit, at the top of the 32 bits; so stand the remainders.
     const fn by(polynomial: u32) -> Self {
         let mut remainders = [[0u32; 256]; 8];
-        let mut byte = 0;
+        let mut byte = 0u32;
         while byte < 256 {
-            let mut remainder = (byte as u32) << 24;
+            let mut remainder = byte << 24;
             let mut bit = 0;
             while bit < 8 * remainders.len() {
                 let subtracted = if remainder >> 31 == 1 { polynomial } else { 0 };
                 remainder = (remainder << 1) ^ subtracted;
                 bit += 1;
                 if bit % 8 == 0 {
-                    remainders[bit / 8 - 1][byte] = remainder;
+                    remainders[bit / 8 - 1][byte as usize] = remainder;
                 }
             }
             byte += 1;
@@ -90,9 +90,9 @@ mod tests {
             let (mut long, mut short) = (0u32, 0u16);
             for bit in bits {
                 let subtracted = (long >> 23 & 1) ^ u32::from(bit);
-                long = (long << 1 ^ subtracted * 0x86_4cfb) & 0xff_ffff;
+                long = ((long << 1) ^ (subtracted * 0x86_4cfb)) & 0xff_ffff;
                 let subtracted = (short >> 15) ^ u16::from(bit);
-                short = short << 1 ^ subtracted * 0x1021;
+                short = (short << 1) ^ (subtracted * 0x1021);
             }
             assert_eq!(crc24q(bytes)[..], long.to_be_bytes()[1..]);
             assert_eq!(crc16_ccitt(bytes), short);
