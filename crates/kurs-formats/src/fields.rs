@@ -125,18 +125,19 @@ impl<'a> BitReader<'a> {
 }
 
 impl Fields for BitReader<'_> {
+    /// The first bits of the sixteen bytes from the current one on; zeros follow the message. Only the
+    /// last 64 of more bits than that are given.
     fn bits(&mut self, width: u32, _: u64) -> u64 {
-        let mut value = 0;
-        let mut left = width;
-        while left > 0 {
-            let byte = self.bytes.get(self.at_byte()).copied().unwrap_or(0);
-            let available = 8 - u32::try_from(self.at % 8).unwrap_or(0);
-            let count = available.min(left);
-            let part = (u64::from(byte) >> (available - count)) & mask(count);
-            value = (value << count) | part;
-            self.at += u64::from(count);
-            left -= count;
-        }
+        let rest = self.bytes.get(self.at_byte()..).unwrap_or_default();
+        let window = rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut window = [0; 16];
+            window[..rest.len()].copy_from_slice(rest);
+            window
+        });
+        let from_here = u128::from_be_bytes(window) << (self.at % 8);
+        self.at += u64::from(width);
+        #[allow(clippy::cast_possible_truncation)] // the low 64 bits
+        let value = from_here.checked_shr(128u32.saturating_sub(width)).unwrap_or(0) as u64;
         value
     }
 }

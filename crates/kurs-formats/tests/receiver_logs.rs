@@ -9,7 +9,7 @@ use std::process::Command;
 use kurs::ephemeris::{Ephemeris, GlonassElements, GlonassEphemeris, NavigationData};
 use kurs::frames::Vector;
 use kurs::observation::{AntennaEpoch, Lock, Observation};
-use kurs::signal::{Satellite, Signal};
+use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::observations::ObservationSource;
@@ -395,7 +395,8 @@ fn one_of_several_antennas_must_be_chosen() {
 
 /// Differences of `convbin`, all of them: it knows no QZSS satellites, no E36, C62 and S58, and keeps
 /// one signal of some bands only; strengths are 250 times too small; it marks the first phase of every
-/// signal as slipped.
+/// signal as slipped. It takes for values what stands for none (reference guide, 4.2.1): −2²³ units of a
+/// phase in a sub-block of type 1; 255 units of a strength, of whose 73.75 dB-Hz eight bits are left, 9.75.
 #[test]
 fn sbf_log_as_convbin() {
     const NOT_THERE: [&str; 10] = [
@@ -414,7 +415,7 @@ fn sbf_log_as_convbin() {
         let name = format!("{satellite} {signal}");
         assert!(NOT_THERE.contains(&name.as_str()), "{name}");
     }
-    let mut compared = [0; 2];
+    let (mut compared, mut none) = ([0; 2], [0; 2]);
     for (key, theirs) in &theirs {
         let ours = &ours[key];
         assert_eq!(ours.len(), theirs.len(), "{key:?}");
@@ -428,14 +429,22 @@ fn sbf_log_as_convbin() {
                 _ => assert_eq!(a, b, "{about} {quantity}"),
             };
             near(a.pseudorange_m, b.pseudorange_m, 5.1e-4, "pseudorange");
-            // It takes the numbers that stand for no phase (−8388.608 cycles) and no strength for them.
-            if a.phase_cycles.is_some() {
+            if let (None, Some(cycles)) = (a.phase_cycles, b.phase_cycles) {
+                let frequency_hz = a.signal.band.frequency_hz(Some(-4)).unwrap();
+                let range_cycles = a.pseudorange_m.unwrap() * frequency_hz / SPEED_OF_LIGHT_MPS;
+                near(Some(range_cycles - 8388.608), Some(cycles), 5.1e-4, "no phase");
+                none[0] += 1;
+            } else {
                 near(a.phase_cycles, b.phase_cycles, 5.1e-4, "phase");
             }
             // They keep 32 bits of it.
             near(a.doppler_hz, b.doppler_hz, 6e-4, "Doppler");
-            if a.cn0_dbhz.is_some() {
-                near(a.cn0_dbhz, b.cn0_dbhz.map(|cn0| 250.0 * cn0), 0.126, "C/N0");
+            let strength_dbhz = b.cn0_dbhz.map(|cn0| 250.0 * cn0);
+            if a.cn0_dbhz.is_none() {
+                near(Some(9.75), strength_dbhz, 1e-9, "no C/N0");
+                none[1] += 1;
+            } else {
+                near(a.cn0_dbhz, strength_dbhz, 0.126, "C/N0");
             }
             compared[0] += 1;
             if a.phase_cycles.is_some() {
@@ -448,7 +457,7 @@ fn sbf_log_as_convbin() {
             }
         }
     }
-    println!("convbin: {} observations, {} phases compared", compared[0], compared[1]);
+    assert_eq!((compared, none), ([144, 142], [1, 1]));
 }
 
 /// What MSM 7 keeps: 0.3 mm of a range, 0.1 mm of a phase, 0.05 mm/s of a rate, 1/32 dB-Hz.

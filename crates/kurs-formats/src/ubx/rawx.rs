@@ -6,7 +6,7 @@ use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::System;
 use kurs::time::GpsTime;
 
-use super::signal::{satellite, signal};
+use super::signal::{glonass_channel, satellite, signal};
 use crate::damage::DamageLog;
 use crate::logs::lock_time::{Continuity, LockTime, LockTimes, Tracked};
 use crate::logs::{LittleEndian, is_empty, plausible};
@@ -68,8 +68,10 @@ pub(crate) fn read(
             Continuity::Continuous => 0,
         };
         let half = if has(HALF_CYCLE_KNOWN) { 0 } else { Lock::HALF_CYCLE };
-        if satellite.system == System::Glonass && (1..=14).contains(&m[23]) {
-            glonass_channels.insert(satellite.number, m[23].cast_signed() - 7);
+        if satellite.system == System::Glonass
+            && let Some(channel) = glonass_channel(m[23])
+        {
+            glonass_channels.insert(satellite.number, channel);
         }
         let observation = Observation {
             satellite,

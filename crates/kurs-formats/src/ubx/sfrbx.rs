@@ -6,7 +6,7 @@ use kurs::ephemeris::{Ephemeris, KeplerElements, Message};
 use kurs::signal::{Satellite, System};
 use kurs::time::GpsTime;
 
-use super::signal::{satellite, satellite_ids};
+use super::signal::{glonass_channel, satellite, satellite_ids};
 use crate::logs::LittleEndian;
 use crate::navigation_frames::{
     Collector, GlonassMessage, KeplerMessage, Taken, beidou, galileo, glonass, gps_lnav,
@@ -46,7 +46,7 @@ pub(crate) fn take(payload: &[u8], near: GpsTime, collector: &mut Collector) -> 
         }
         System::Glonass => {
             let string = *bytes.first_chunk()?;
-            let channel = channel.cast_signed() - 7;
+            let channel = glonass_channel(channel)?;
             glonass::is_good(&string)
                 .then(|| collector.glonass(satellite, channel, string, near))?
         }

@@ -53,6 +53,11 @@ const SIGNALS: [(System, u8, u8, u8); 34] = [
     (System::NavIc, 0, 5, b'A'),
 ];
 
+/// The GLONASS channel of a `freqId`, which is the channel and 7, from 0 to 13.
+pub(super) fn glonass_channel(number: u8) -> Option<i8> {
+    (number <= 13).then(|| number.cast_signed() - 7)
+}
+
 /// A satellite by `gnssId` and `svId`; `None` for one that has no number yet (GLONASS, 255).
 pub(super) fn satellite(system: u8, number: u8) -> Option<Satellite> {
     let (_, system) = *SYSTEMS.iter().find(|(id, _)| *id == system)?;
@@ -84,6 +89,12 @@ pub(super) fn signal_id(satellite: Satellite, signal: Signal) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn channels_are_those_of_the_system() {
+        let channels = [0, 13, 14, 128, 255].map(glonass_channel);
+        assert_eq!(channels, [Some(-7), Some(6), None, None, None]);
+    }
 
     #[test]
     fn numbers_round_trip() {
