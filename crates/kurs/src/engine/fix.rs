@@ -16,9 +16,10 @@ use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
 use crate::solution::Reason;
 
+use super::code_free;
 use super::locate::CommonFrame;
 use super::noise_scale::NoiseScale;
-use super::settings::{Constraint, Settings};
+use super::settings::{Ambiguities, Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
@@ -135,13 +136,23 @@ impl Fixer {
         frame: &CommonFrame,
         settings: &Settings,
     ) -> Outcome {
+        let code_free = settings.constraint != Constraint::None
+            && settings.ambiguities == Ambiguities::Instantaneous
+            && code_free::code_is_useless(float);
+        let phases_alone = code_free.then(|| float.without_code());
+        let float = phases_alone.as_ref().unwrap_or(float);
         let mut outcome = Outcome::float(float, frame);
         if float.ambiguities_cycles.is_empty() {
             return outcome;
         }
         let found = match (settings.constraint, &settings.array) {
+            (Constraint::Array, Some(array)) if code_free => {
+                let sd_m = settings.array_sd_m;
+                self.with_array(float, frame, array, sd_m)
+                    .or_else(|_| self.with_lengths(float, links, frame, array, sd_m, true))
+            }
             (Constraint::Length, Some(array)) => {
-                self.with_lengths(float, links, frame, array, settings.array_sd_m)
+                self.with_lengths(float, links, frame, array, settings.array_sd_m, code_free)
             }
             (Constraint::Array, Some(array)) => self
                 .with_array(float, frame, array, settings.array_sd_m)
@@ -231,6 +242,7 @@ impl Fixer {
         frame: &CommonFrame,
         array: &AntennaArray,
         array_sd_m: f64,
+        code_free: bool,
     ) -> Result<Found, Reason> {
         let length = |rover: usize| Length {
             length_m: (array.positions_m()[rover] - array.positions_m()[float.reference]).norm(),
@@ -238,7 +250,8 @@ impl Fixer {
             sd_m: array_sd_m * core::f64::consts::SQRT_2,
         };
         if let [rover] = float.rovers[..] {
-            let (found, _) = self.one_length(float, frame.approximate_m[0].xyz(), length(rover))?;
+            let (found, _) =
+                self.one_length(float, frame.approximate_m[0].xyz(), length(rover), code_free)?;
             return Ok(found);
         }
         let mut joint =
@@ -255,8 +268,10 @@ impl Fixer {
             let pair =
                 FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover], |_| factors)
                     .map_err(|_| Reason::FewSatellites)?;
+            let pair = if code_free { pair.without_code() } else { pair };
             let approximate_m = frame.approximate_m[block].xyz();
-            let (found, conditional) = self.one_length(&pair, approximate_m, length(*rover))?;
+            let (found, conditional) =
+                self.one_length(&pair, approximate_m, length(*rover), code_free)?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
@@ -266,21 +281,41 @@ impl Fixer {
         Ok(joint)
     }
 
-    /// One baseline with its known length.
+    /// One baseline with its known length; over the sphere if its code is of no use or too weak.
     fn one_length(
         &mut self,
         float: &FloatSolution,
         approximate_m: Vector3<f64>,
         length: Length,
+        code_free: bool,
     ) -> Result<(Found, Conditional), Reason> {
-        let approximate_m = DVector::from_column_slice(approximate_m.as_slice());
-        let mixed = mixed_float(float, &approximate_m)?;
-        let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
-        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
+        let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
+        let mixed = mixed_float(float, &stacked_m)?;
+        let searched = if code_free {
+            Err(AmbiguityError::BudgetExceeded { nodes: 0 })
+        } else {
+            self.length.solve(&mixed, length, CANDIDATES)
+        };
+        let (best, costs, proven_to) = match searched {
+            Ok(mut found) => {
+                let costs: Vec<f64> = found.iter().map(|c| c.cost).collect();
+                (found.swap_remove(0).integers, costs, self.length.proven_to())
+            }
+            Err(error @ AmbiguityError::BudgetExceeded { .. }) => {
+                let sphere = code_free::over_the_sphere(float, approximate_m, length);
+                let (mut found, proven_to) =
+                    sphere.ok_or(reason(error))?.map_err(|_| Reason::WeakModel)?;
+                if found.is_empty() {
+                    return Err(Reason::WeakModel);
+                }
+                let costs: Vec<f64> = found.iter().map(|c| c.cost).collect();
+                (found.swap_remove(0).integers, costs, proven_to)
+            }
+            Err(error) => return Err(reason(error)),
+        };
         let variances = self.length.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
-        let best = candidates.first().ok_or(Reason::WeakModel)?;
-        let found = self.weigh(&best.integers, &costs, self.length.proven_to(), float, rate)?;
+        let found = self.weigh(&best, &costs, proven_to, float, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
     }

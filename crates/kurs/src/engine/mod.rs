@@ -1,5 +1,7 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
+mod channel_bias;
+mod code_free;
 mod fix;
 mod geometry_doubt;
 mod locate;
@@ -23,6 +25,7 @@ use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
+use channel_bias::ChannelBiases;
 use fix::{Fixer, Verdict};
 use geometry_doubt::GeometryDoubt;
 use locate::{Located, locate};
@@ -39,6 +42,7 @@ pub struct Engine {
     /// stands alone.
     carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
+    channel_biases: ChannelBiases,
     geometry_doubt: GeometryDoubt,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
@@ -68,6 +72,7 @@ impl Engine {
             located: Vec::new(),
             links: Vec::new(),
             fixer: Fixer::default(),
+            channel_biases: ChannelBiases::default(),
             geometry_doubt: GeometryDoubt::default(),
             mounts: Vec::new(),
             ned_from_body: None,
@@ -109,8 +114,17 @@ impl Engine {
         if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
             station.improve(epoch, observed, &mut row);
         }
-        if let Err(reason) = self.relative(epoch, &mut row) {
+        let alone = row.clone();
+        if let Err(reason) = self.relative(epoch, &mut row, false) {
             row.reason = Some(reason);
+        }
+        // Phases of GLONASS whose receivers may be unlike can be what spoils the fix.
+        if row.status != Status::Fixed && self.channel_biases.any_unknown() {
+            let mut without = alone;
+            let done = self.relative(epoch, &mut without, true);
+            if done.is_ok() && without.status == Status::Fixed {
+                return without;
+            }
         }
         row
     }
@@ -168,10 +182,22 @@ impl Engine {
         })
     }
 
-    /// Differences, float solution, integers, baselines, attitude.
-    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
+    /// Differences, float solution, integers, baselines, attitude; without the phases of GLONASS
+    /// whose biases are not known, if they are to be left out.
+    fn relative(
+        &mut self,
+        epoch: &ArrayEpoch,
+        row: &mut EpochSolution,
+        leave_out_unknown: bool,
+    ) -> Result<(), Reason> {
         let frame = locate::common_frame(&self.located)?;
         self.form_links(epoch, &frame);
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            let ephemerides = &self.navigation.ephemerides;
+            let channel = |satellite| ephemerides.glonass_channel(satellite);
+            let (links, noise) = (&mut self.links, &self.settings.noise);
+            self.channel_biases.apply(links, frame.reference, noise, channel, leave_out_unknown);
+        }
         self.align_phases();
         let groups = difference::group(&mut self.links);
         row.shared_satellites = locate::shared_satellites(&self.links);
@@ -210,6 +236,9 @@ impl Engine {
         (row.status, row.reason) = self.geometry_doubt.judge(status, reason);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.ok();
+        if row.status == Status::Fixed {
+            self.channel_biases.learn(&outcome.baselines.rovers, &outcome.correction_m);
+        }
         self.remember_axes(row);
         self.place_body(&outcome.baselines, row);
         Ok(())
