@@ -89,6 +89,18 @@ mask_deg = [[0, 90, 10]]
 [[body.antenna]]
 name = "A1"
 position_m = [1.0, 0.0, 0.0]
+[body.imu]
+interval_s = 0.01
+position_m = [0.1, 0.2, 0.3]
+mounting_deg = [1.0, 2.0, 3.0]
+gyro_bias_degph = [10.0, -5.0, 1.0]
+gyro_noise_deg_per_sqrt_h = 0.1
+gyro_matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+gyro_range_degps = 500.0
+accelerometer_bias_mps2 = [0.1, 0.0, -0.1]
+accelerometer_noise_mps2_per_sqrt_hz = 0.001
+accelerometer_matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+accelerometer_range_mps2 = 100.0
 [body.motion]
 "#;
 

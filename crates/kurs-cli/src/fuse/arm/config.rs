@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use kurs::frames::Attitude;
 use kurs::fusion::arm::{RotatingArm, Triad};
 use kurs::fusion::arm_filter::{Drift, Settings};
 use kurs::fusion::arm_session::SessionSettings;
@@ -16,6 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::failure::UsageError;
+use crate::fuse::attitude;
 
 /// `kurs fuse CONFIG.toml`: either `[nav]` with the files of `[receiver]` and `[accelerometer]`, or
 /// `[simulate]`.
@@ -353,10 +353,4 @@ impl Config {
             found => Err(UsageError(format!("filter.states: {found} found, 17 or 20 expected"))),
         }
     }
-}
-
-/// Heading, pitch, roll in degrees.
-pub(super) fn attitude(angles_deg: [f64; 3]) -> Attitude {
-    let [heading_rad, pitch_rad, roll_rad] = angles_deg.map(f64::to_radians);
-    Attitude { heading_rad, pitch_rad, roll_rad }
 }

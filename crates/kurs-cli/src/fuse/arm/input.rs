@@ -1,9 +1,11 @@
 //! Where `kurs fuse` takes its measurements from: files, or a simulated arm.
 
+use std::collections::VecDeque;
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use kurs::ephemeris::NavigationData;
+use kurs::fusion::arm::RotatingArm;
 use kurs::fusion::arm_session::{ArmSample, from_forward_right_down};
 use kurs::fusion::ranging::Measured;
 use kurs::observation::AntennaEpoch;
@@ -11,12 +13,12 @@ use kurs_formats::session::SessionReader;
 use kurs_formats::source::Source;
 use kurs_sim::arm_recording::ArmRecording;
 use nalgebra::{Matrix3, Vector3};
-use serde::Deserialize;
 
 use super::config::{AccelerometerConfig, Config, NavConfig};
-use crate::config_file;
 use crate::failure::UsageError;
-use crate::sensor_log::{Backwards, SensorLog};
+use crate::fuse::calibration::Calibration;
+use crate::fuse::gravity_check;
+use crate::sensor_log::{Backwards, SensorReader};
 use crate::summary::Damage;
 
 /// A sample with its time, seconds of the week of the first epoch, in the order of the source.
@@ -25,7 +27,7 @@ pub(super) type TimedSample = (f64, ArmSample);
 /// Everything that goes into the filter.
 pub(super) struct Input {
     pub(super) navigation: NavigationData,
-    pub(super) samples: Vec<TimedSample>,
+    samples: Samples,
     epochs: Epochs,
     damage: Vec<Damage>,
 }
@@ -35,22 +37,23 @@ enum Epochs {
     Simulated(Box<ArmRecording>),
 }
 
-/// The part of `calibration.toml` that is used: y = M a + b, as `kurs calibrate` writes it.
-#[derive(Debug, Deserialize)]
-struct CalibrationFile {
-    accelerometer: Option<AccelerometerCalibration>,
+/// The accelerometers, read ahead of their time, first of all to look at the unit.
+struct Samples {
+    ahead: VecDeque<TimedSample>,
+    /// The rest of the log; `None` for a simulation, which is all ahead.
+    log: Option<Log>,
 }
 
-#[derive(Debug, Deserialize)]
-struct AccelerometerCalibration {
-    matrix: [[f64; 3]; 3],
-    bias_mps2: [f64; 3],
+struct Log {
+    reader: SensorReader,
+    correction: Correction,
+    time_offset_s: f64,
+    arm_angle_sd_rad: f64,
 }
 
 /// From a reading to the specific force in the body axes of the filter.
 struct Correction {
-    inverse: Matrix3<f64>,
-    bias_mps2: Vector3<f64>,
+    calibration: Calibration,
     body_from_mount: Matrix3<f64>,
 }
 
@@ -73,7 +76,7 @@ impl Input {
             return Err(UsageError("receiver.obs: no observation file".into()).into());
         }
         let reader = SessionReader::open(config.receiver.obs.iter().map(|file| folder.join(file)))?;
-        let samples = read_samples(folder, config, &mut damage)?;
+        let samples = Samples::open(folder, config)?;
         Ok(Self { navigation, samples, epochs: Epochs::Files(Box::new(reader)), damage })
     }
 
@@ -92,7 +95,10 @@ impl Input {
         let samples = recording.samples();
         Ok(Self {
             navigation: recording.navigation().clone(),
-            samples: samples.iter().map(|s| sample(s.time_s, &s.reading_mps2)).collect(),
+            samples: Samples {
+                ahead: samples.iter().map(|s| sample(s.time_s, &s.reading_mps2)).collect(),
+                log: None,
+            },
             epochs: Epochs::Simulated(Box::new(recording)),
             damage: Vec::new(),
         })
@@ -106,68 +112,90 @@ impl Input {
         }
     }
 
+    /// The next sample of the accelerometers, unless it is later than this.
+    pub(super) fn next_sample_before(&mut self, time_s: f64) -> Option<TimedSample> {
+        self.samples.read_ahead(1);
+        self.samples.ahead.pop_front_if(|(at_s, _)| *at_s <= time_s)
+    }
+
+    /// Refuses accelerometers whose size is not that of gravity and the arm's centripetal
+    /// acceleration.
+    pub(super) fn refuse_other_units(&mut self, arm: &RotatingArm) -> anyhow::Result<()> {
+        self.samples.read_ahead(gravity_check::SAMPLES);
+        let samples = self.samples.ahead.iter().take(gravity_check::SAMPLES);
+        let turning_mps2 = arm.speed_mps() * core::f64::consts::TAU * arm.rate_hz;
+        gravity_check::refuse_other_units(
+            samples.map(|(_, sample)| sample.specific_force_mps2.norm()).collect(),
+            turning_mps2.hypot(gravity_check::AT_REST_MPS2),
+        )
+    }
+
     /// What could not be used, so far.
     pub(super) fn damage(&self) -> Vec<Damage> {
         let mut damage = self.damage.clone();
         if let Epochs::Files(reader) = &self.epochs {
             damage.extend(reader.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
         }
+        let of_log = self.samples.log.iter().flat_map(|log| log.reader.damage());
+        damage.extend(of_log.cloned());
         damage
     }
 }
 
-fn read_samples(
-    folder: &Path,
-    config: &Config,
-    damage: &mut Vec<Damage>,
-) -> anyhow::Result<Vec<TimedSample>> {
-    let AccelerometerConfig { file, time_offset_s, arm_angle_sd_deg, .. } = &config.accelerometer;
-    let Some(file) = file else {
-        return Err(UsageError("accelerometer.file: no accelerometer log".into()).into());
-    };
-    let path = folder.join(file);
-    let mut log = SensorLog::read(&path, Backwards::Kept)?;
-    if log.accelerometer.is_empty() {
-        bail!("{}: no accelerometer columns (ax_mps2, ay_mps2, az_mps2)", path.display());
+impl Samples {
+    fn open(folder: &Path, config: &Config) -> anyhow::Result<Self> {
+        let AccelerometerConfig { file, time_offset_s, arm_angle_sd_deg, .. } =
+            &config.accelerometer;
+        let Some(file) = file else {
+            return Err(UsageError("accelerometer.file: no accelerometer log".into()).into());
+        };
+        let path = folder.join(file);
+        let reader = SensorReader::open(&path, Backwards::Kept)?;
+        if !reader.has_accelerometer() {
+            bail!("{}: no accelerometer columns (ax_mps2, ay_mps2, az_mps2)", path.display());
+        }
+        let log = Log {
+            reader,
+            correction: Correction::new(folder, config)?,
+            time_offset_s: *time_offset_s,
+            arm_angle_sd_rad: arm_angle_sd_deg.to_radians(),
+        };
+        Ok(Self { ahead: VecDeque::new(), log: Some(log) })
     }
-    damage.append(&mut log.damage);
-    let correction = Correction::new(folder, config)?;
-    let sd = arm_angle_sd_deg.to_radians();
-    let samples = log.accelerometer.iter().zip(&log.time_s).enumerate();
-    Ok(samples
-        .map(|(k, (reading_mps2, time_s))| {
-            let measured = |value: &f64| Measured { value: *value, sd };
-            let sample = ArmSample {
-                specific_force_mps2: correction.apply(reading_mps2),
-                arm_angle_rad: log.arm_angle.get(k).map(measured),
-            };
-            (time_s + time_offset_s, sample)
-        })
-        .collect())
+
+    /// Makes so many samples wait, as far as there are any.
+    fn read_ahead(&mut self, count: usize) {
+        let Some(log) = &mut self.log else { return };
+        let missing = count.saturating_sub(self.ahead.len());
+        self.ahead.extend(log.by_ref().take(missing));
+    }
+}
+
+impl Iterator for Log {
+    type Item = TimedSample;
+
+    fn next(&mut self) -> Option<TimedSample> {
+        let row = self.reader.next()?;
+        let measured = |value| Measured { value, sd: self.arm_angle_sd_rad };
+        let sample = ArmSample {
+            specific_force_mps2: self.correction.apply(&row.accelerometer?),
+            arm_angle_rad: row.arm_angle.map(measured),
+        };
+        Some((row.time_s + self.time_offset_s, sample))
+    }
 }
 
 impl Correction {
     fn new(folder: &Path, config: &Config) -> anyhow::Result<Self> {
+        let file = config.accelerometer.calibration.as_ref();
+        let calibration = file.map(|file| Calibration::read(&folder.join(file))).transpose()?;
         let body_from_mount = config.body_from_mount();
-        let Some(file) = &config.accelerometer.calibration else {
-            let (inverse, bias_mps2) = (Matrix3::identity(), Vector3::zeros());
-            return Ok(Self { inverse, bias_mps2, body_from_mount });
-        };
-        let path = folder.join(file);
-        let read: CalibrationFile = config_file::read(&path)?;
-        let Some(found) = read.accelerometer else {
-            bail!("{}: no table [accelerometer]", path.display());
-        };
-        let matrix = Matrix3::from_fn(|row, column| found.matrix[row][column]);
-        let inverse = matrix
-            .try_inverse()
-            .with_context(|| format!("{}: accelerometer.matrix has no inverse", path.display()))?;
-        Ok(Self { inverse, bias_mps2: found.bias_mps2.into(), body_from_mount })
+        Ok(Self { calibration: calibration.unwrap_or_default(), body_from_mount })
     }
 
-    /// a = M⁻¹ (y − b), turned into the body's axes.
+    /// The force, turned into the body's axes.
     fn apply(&self, reading_mps2: &Vector3<f64>) -> Vector3<f64> {
-        let in_mount = self.inverse * (reading_mps2 - self.bias_mps2);
+        let in_mount = self.calibration.force(reading_mps2);
         from_forward_right_down(&(self.body_from_mount * in_mount))
     }
 }
