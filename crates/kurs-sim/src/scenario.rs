@@ -91,6 +91,9 @@ pub enum ObservationFormat {
     /// An RTCM 3 log with the ephemerides: MSM 7, 1006, 1019, 1020, 1042, 1044, 1046.
     #[serde(rename = "rtcm3")]
     Rtcm3,
+    /// A Septentrio log with the ephemerides: MeasEpoch, decoded messages and their pages.
+    #[serde(rename = "sbf")]
+    Sbf,
 }
 
 /// Which satellites there are and what hides them.
