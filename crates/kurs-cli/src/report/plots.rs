@@ -1,4 +1,4 @@
-//! The plots of the report, in colours that colour-blind readers tell apart (Okabe and Ito, 2008).
+//! The plots of the report.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -11,18 +11,15 @@ use kurs::time::GpsTime;
 use plotly::common::{
     ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode, Title,
 };
-use plotly::layout::{Axis, AxisType, CategoryOrder, Legend, Margin, RangeMode};
-use plotly::{Configuration, Layout, Plot, Scatter};
+use plotly::layout::{Axis, AxisType, CategoryOrder, RangeMode};
+use plotly::{Layout, Plot, Scatter};
 
 use super::Sample;
 use super::residuals::{OfCell, OfSignal, Residuals};
+use crate::page::colour::{BLUE, GREEN, GREY, ORANGE, VERMILION};
+use crate::page::laid_out;
 use crate::truth::difference_deg;
 
-const BLUE: &str = "#0072B2";
-const ORANGE: &str = "#E69F00";
-const GREEN: &str = "#009E73";
-const VERMILION: &str = "#D55E00";
-const GREY: &str = "#888888";
 const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
@@ -123,7 +120,7 @@ fn by_satellite(
 ) -> Plot {
     const SYMBOLS: [MarkerSymbol; 4] =
         [MarkerSymbol::Circle, MarkerSymbol::Square, MarkerSymbol::Diamond, MarkerSymbol::Cross];
-    let mut plot = with_layout(
+    let mut plot = laid_out(
         Layout::new()
             .x_axis(
                 Axis::new()
@@ -349,7 +346,7 @@ fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colo
 }
 
 fn over_time(title: &str) -> Plot {
-    with_layout(
+    laid_out(
         Layout::new()
             .x_axis(Axis::new().title(Title::with_text("time, s")))
             .y_axis(Axis::new().title(Title::with_text(title)).auto_margin(true)),
@@ -357,19 +354,9 @@ fn over_time(title: &str) -> Plot {
 }
 
 fn square(x: &str, y: &str) -> Plot {
-    with_layout(
+    laid_out(
         Layout::new()
             .x_axis(Axis::new().title(Title::with_text(x)).scale_anchor("y"))
             .y_axis(Axis::new().title(Title::with_text(y)).auto_margin(true)),
     )
-}
-
-fn with_layout(layout: Layout) -> Plot {
-    let mut plot = Plot::new();
-    let legend = Legend::new().orientation(plotly::common::Orientation::Horizontal).y(1.12);
-    plot.set_layout(
-        layout.legend(legend).margin(Margin::new().left(55).right(15).top(30).bottom(45)),
-    );
-    plot.set_configuration(Configuration::new().responsive(true).display_logo(false));
-    plot
 }
