@@ -1,7 +1,7 @@
 //! Reading speed, whole files, one core, with the peers in the same run:
 //!
 //! ```text
-//! cd referees && cargo bench --bench reading
+//! cd tests-referees && cargo bench --bench reading
 //! ```
 //!
 //! The files are made by repeating the epochs of a real one at later hours. Each reader runs in a

@@ -12,6 +12,7 @@ pub mod observations;
 pub mod positions;
 pub mod rinex;
 pub mod rtcm;
+pub mod sbf;
 pub mod session;
 pub mod source;
 mod sp3;

@@ -52,7 +52,7 @@ pub fn read_near(
         Content::RinexNavigation => rinex::navigation::read(source, data, &mut summary)?,
         Content::Sp3 => sp3::read(source, &mut data.ephemerides, &mut summary)?,
         // Their damage has a byte offset, and is complete.
-        Content::Ubx | Content::Rtcm3 => {
+        Content::Ubx | Content::Rtcm3 | Content::Sbf => {
             logs::navigation::read(source, near, data, &mut summary)?;
             return Ok(summary);
         }
@@ -65,4 +65,4 @@ pub fn read_near(
 }
 
 const EXPECTED: &str = "a navigation file (RINEX 2, 3 or 4), precise orbits (SP3) or a receiver \
-    log (UBX, RTCM 3)";
+    log (UBX, RTCM 3, SBF)";

@@ -16,14 +16,14 @@ use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
 const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip; \
-    or a receiver log: UBX, RTCM 3";
+    or a receiver log: UBX, RTCM 3, SBF";
 
 /// A file with observations, opened.
 #[derive(Debug)]
 pub enum ObservationSource {
     /// RINEX 2, 3 or 4, compact or not.
     Rinex(Box<ObservationReader>),
-    /// A receiver log: UBX or RTCM 3.
+    /// A receiver log: UBX, RTCM 3 or SBF.
     Log(Box<LogReader>),
 }
 
@@ -94,6 +94,7 @@ impl ObservationSource {
             }
             Content::Ubx => Protocol::Ubx,
             Content::Rtcm3 => Protocol::Rtcm3,
+            Content::Sbf => Protocol::Sbf,
             other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
         };
         let wants_date = protocol == Protocol::Rtcm3 && options.approximate_time.is_none();

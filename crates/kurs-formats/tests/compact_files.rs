@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use kurs::observation::{AntennaEpoch, Observation};
+use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs_formats::rinex::observation::ObservationReader;
 
 fn text(name: &str) -> String {
@@ -100,5 +100,38 @@ fn cut_at_every_byte() {
                 panic!("{name}, cut at {end}: {what}");
             }
         }
+    }
+}
+
+/// A number that is lost ends the arc, and nobody has seen whether the phase slipped meanwhile.
+#[test]
+fn a_phase_that_was_lost_has_slipped_when_it_begins_anew() {
+    let text = text("mixed_3.crx");
+    let (whole, _) = read(&text);
+    let (epochs, damage) = read(&text.replace("-453034 -2377854", "-453034 -23x7854"));
+    assert_eq!((epochs.len(), damage), (whole.len(), 3));
+    let expected = whole.into_iter().enumerate().map(|(index, mut epoch)| {
+        let phase = &mut epoch.observations[0];
+        match index {
+            1..=3 => (phase.phase_cycles, phase.lock) = (None, Lock::default()),
+            4 => phase.lock.0 |= Lock::SLIP,
+            _ => {}
+        }
+        epoch
+    });
+    for (epoch, expected) in epochs.iter().zip(expected) {
+        assert_eq!(*epoch, expected);
+    }
+}
+
+/// Two lines for one satellite: whose is which, nobody can tell.
+#[test]
+fn a_satellite_twice_in_an_epoch_is_left_out() {
+    let (epochs, damage) = read(&text("mixed_3.crx").replacen("G03G07G11", "G03G07G07", 1));
+    assert!(damage > 0);
+    for epoch in &epochs[..4] {
+        let number = |o: &Observation| o.satellite.number;
+        assert!(!epoch.observations.iter().any(|o| [7, 11].contains(&number(o))), "{}", epoch.time);
+        assert!(epoch.observations.iter().any(|o| number(o) == 19));
     }
 }

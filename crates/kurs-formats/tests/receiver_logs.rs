@@ -14,6 +14,7 @@ use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::sbf::SbfWriter;
 use kurs_formats::source::Source;
 use kurs_formats::ubx::UbxWriter;
 
@@ -138,14 +139,16 @@ fn u_blox_log() {
     assert_eq!(g01.cn0_dbhz, Some(47.0));
 }
 
-/// Every signal that u-blox has a number for, with and without a phase, slipped, half-cycle.
-fn written_epochs() -> Vec<AntennaEpoch> {
-    let names = [
-        "G05 G1C", "G05 G2L", "G06 G5Q", "E11 E1C", "E11 E7Q", "C03 C2I", "C30 C2I", "C30 C5P",
-        "R07 R1C", "R07 R2C", "J02 J1C", "S33 S1C",
-    ];
-    let epoch = |second: u32| AntennaEpoch {
-        time: GpsTime::from_week_tow(2300, 604_795.0 + 0.5 * f64::from(second)).unwrap(),
+/// Signals that all protocols have a number for.
+const COMMON: [&str; 12] = [
+    "G05 G1C", "G05 G2L", "G06 G5Q", "E11 E1C", "E11 E7Q", "C03 C2I", "C30 C2I", "C30 C5P",
+    "R07 R1C", "R07 R2C", "J02 J1C", "S33 S1C",
+];
+
+/// Each signal slipped once and off by half a cycle or not.
+fn written_epochs(names: &[&str], interval_s: f64) -> Vec<AntennaEpoch> {
+    let epoch = |number: u32| AntennaEpoch {
+        time: GpsTime::from_week_tow(2300, 604_795.0).unwrap() + interval_s * f64::from(number),
         observations: names
             .iter()
             .zip(0u32..)
@@ -156,12 +159,12 @@ fn written_epochs() -> Vec<AntennaEpoch> {
                 let signal: Signal = signal.parse().unwrap();
                 let wavelength_m = signal.band.wavelength_m(Some(-4)).unwrap();
                 let rate_mps = 12.5 * f64::from(satellite.number) - 300.0;
-                let slip = u8::from(index == second);
-                let half = if second < 2 && index == 4 { Lock::HALF_CYCLE } else { 0 };
+                let slip = u8::from(index == number);
+                let half = if number < 2 && index == 4 { Lock::HALF_CYCLE } else { 0 };
                 Observation {
                     satellite,
                     signal,
-                    pseudorange_m: Some(range_m + 0.125 * f64::from(second)),
+                    pseudorange_m: Some(range_m + 0.125 * f64::from(number)),
                     phase_cycles: Some(1.1e8 - 12_345.75 * f64::from(index)),
                     // A number that UBX can have, in 32 bits.
                     doppler_hz: Some((-1024.0 * rate_mps / wavelength_m).round() / 1024.0),
@@ -209,7 +212,7 @@ fn navigation() -> NavigationData {
 
 #[test]
 fn a_written_ubx_log_reads_the_same() {
-    let epochs = written_epochs();
+    let epochs = written_epochs(&COMMON, 0.5);
     let mut writer = UbxWriter::new(Vec::new(), &navigation());
     epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
     let bytes = writer.finish();
@@ -234,20 +237,19 @@ fn a_written_ubx_log_reads_the_same() {
     assert_eq!(times, kept);
 }
 
-/// What MSM 7 keeps: 0.3 mm of a range, 0.1 mm of a phase, 0.05 mm/s of a rate, 1/32 dB-Hz.
-#[test]
-fn a_written_rtcm_log_reads_the_same() {
-    let mut epochs = written_epochs();
-    // B1I on a satellite without a Doppler, and one without a phase.
-    epochs[2].observations[5].doppler_hz = None;
-    epochs[3].observations[0].phase_cycles = None;
-    let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &navigation());
-    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
-    let bytes = writer.finish();
-    let (read, damage) = read_all(bytes.clone());
-    assert_eq!((read.len(), damage), (9, 0));
+/// Resolution of a protocol.
+struct Within {
+    range_m: f64,
+    doppler_hz: f64,
+    cn0_dbhz: f64,
+}
+
+/// The epochs that were read are those that were written, but for whole cycles, the same ones of a
+/// phase in all epochs.
+fn assert_same(epochs: &[AntennaEpoch], read: &[AntennaEpoch], within: &Within) {
+    assert_eq!(epochs.len(), read.len());
     let mut whole_cycles = BTreeMap::new();
-    for (epoch, read) in epochs.iter().zip(&read) {
+    for (epoch, read) in epochs.iter().zip(read) {
         assert_eq!(epoch.time, read.time);
         let mut wanted = epoch.observations.clone();
         wanted.sort_by_key(|o| (o.satellite, o.signal));
@@ -261,12 +263,12 @@ fn a_written_rtcm_log_reads_the_same() {
                 (Some(a), Some(b)) => assert!((a - b).abs() <= within, "{a} {b}"),
                 _ => assert_eq!(a.is_some(), b.is_some()),
             };
-            near(a.pseudorange_m, b.pseudorange_m, 3e-4);
-            near(a.doppler_hz, b.doppler_hz, 3e-4);
-            near(a.cn0_dbhz, b.cn0_dbhz, 1.0 / 32.0);
+            near(a.pseudorange_m, b.pseudorange_m, within.range_m);
+            near(a.doppler_hz, b.doppler_hz, within.doppler_hz);
+            near(a.cn0_dbhz, b.cn0_dbhz, within.cn0_dbhz);
             if let (Some(a_cycles), Some(b_cycles)) = (a.phase_cycles, b.phase_cycles) {
                 let apart = a_cycles - b_cycles;
-                assert!((apart - apart.round()).abs() < 5e-4, "{a:?} {b:?}");
+                assert!((apart - apart.round()).abs() < 6e-4, "{a:?} {b:?}");
                 let before = whole_cycles.insert((a.satellite, a.signal), apart.round());
                 assert!(before.is_none_or(|before| before == apart.round()));
             } else {
@@ -274,6 +276,190 @@ fn a_written_rtcm_log_reads_the_same() {
             }
         }
     }
+}
+
+/// Signals of Septentrio that u-blox has none of: P codes, whose strengths have no offset, numbers
+/// from 32 on, Galileo E6 and AltBOC, GLONASS P and L3.
+const SEPTENTRIO: [&str; 14] = [
+    "G05 G1W", "G05 G2W", "G05 G1L", "E11 E6C", "E11 E8Q", "E36 E5Q", "C62 C1P", "C62 C7D",
+    "R07 R2P", "R07 R3Q", "J02 J1Z", "J02 J5P", "I03 I5A", "S58 S5I",
+];
+
+/// What SBF keeps: half a millimetre of a range, half a thousandth of a cycle, 10⁻⁴ Hz, 1/8 dB-Hz.
+const SBF_WITHIN: Within = Within { range_m: 5.1e-4, doppler_hz: 1.1e-4, cn0_dbhz: 0.1251 };
+
+/// Epochs with what may be missing.
+fn sbf_epochs() -> Vec<AntennaEpoch> {
+    let mut epochs = written_epochs(&[&COMMON[..], &SEPTENTRIO].concat(), 1.0);
+    epochs[2].observations[4].doppler_hz = None;
+    epochs[3].observations[0].phase_cycles = None;
+    epochs[3].observations[12].phase_cycles = None;
+    epochs[4].observations[1].cn0_dbhz = None;
+    epochs
+}
+
+#[test]
+fn a_written_sbf_log_reads_the_same() {
+    let mut epochs = sbf_epochs();
+    // Then the second signal cannot be told by its difference to the first.
+    epochs[2].observations[3].doppler_hz = None;
+    epochs[4].observations[3].pseudorange_m = None;
+    epochs[4].observations[3].phase_cycles = None;
+    let mut writer = SbfWriter::new(Vec::new(), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(&[epoch]).unwrap());
+    let bytes = writer.finish();
+    let (read, damage) = read_all(bytes.clone());
+    assert_eq!(damage, 0);
+    assert_same(&epochs, &read, &SBF_WITHIN);
+
+    // Text and other protocols in between are no damage; noise is, and so is a cut block.
+    let blocks = sbf_blocks(&bytes);
+    let first = blocks.iter().position(|block| sbf_number(block) == 4027).unwrap();
+    let mut noisy = Vec::new();
+    for (index, block) in blocks.iter().enumerate() {
+        match index.checked_sub(first) {
+            Some(1) => noisy.extend(b"$GPGGA,,*56\r\n$R: setSBFOutput\r\n"),
+            Some(3) => noisy.extend(b"$@\0\0\xbb\x0f\x10\x00"),
+            _ => {}
+        }
+        noisy.extend(*block);
+    }
+    let end = noisy.len() - 5;
+    let (read, damage) = read_all(noisy[..end].to_vec());
+    assert_eq!((read.len(), damage), (8, 2));
+    assert_same(&epochs[..8], &read, &SBF_WITHIN);
+}
+
+/// The blocks of an undamaged SBF log.
+fn sbf_blocks(bytes: &[u8]) -> Vec<&[u8]> {
+    let mut rest = bytes;
+    std::iter::from_fn(move || {
+        let length = usize::from(u16::from_le_bytes([*rest.get(6)?, rest[7]]));
+        let (block, behind) = rest.split_at(length);
+        rest = behind;
+        Some(block)
+    })
+    .collect()
+}
+
+fn sbf_number(block: &[u8]) -> u16 {
+    u16::from_le_bytes([block[4], block[5]]) & 0x1fff
+}
+
+/// All three antennas of one log; which one is meant must be said.
+#[test]
+fn one_of_several_antennas_must_be_chosen() {
+    let main = sbf_epochs();
+    let shifted = |metres: f64, without: usize| -> Vec<AntennaEpoch> {
+        let mut epochs = main.clone();
+        for o in epochs.iter_mut().flat_map(|epoch| &mut epoch.observations) {
+            o.pseudorange_m = o.pseudorange_m.map(|range_m| range_m + metres);
+            o.phase_cycles = o.phase_cycles.map(|cycles| cycles + metres);
+        }
+        for epoch in &mut epochs {
+            epoch.observations.remove(without);
+        }
+        epochs
+    };
+    let (aux1, aux2) = (shifted(0.25, 3), shifted(-1.5, 8));
+    let mut writer = SbfWriter::new(Vec::new(), &navigation());
+    for ((main, aux1), aux2) in main.iter().zip(&aux1).zip(&aux2) {
+        writer.write(&[main, aux1, aux2]).unwrap();
+    }
+    let bytes = writer.finish();
+    let open = |antenna: Option<&str>| {
+        let source = Source::new(std::io::Cursor::new(bytes.clone()), "log").unwrap();
+        let antenna = antenna.map(|name| name.parse().unwrap());
+        let options = LogOptions { antenna, ..LogOptions::default() };
+        ObservationSource::from_source_with(source, &options).unwrap()
+    };
+    for (name, wanted) in [("main", &main), ("aux1", &aux1), ("aux2", &aux2)] {
+        let (mut source, mut read) = (open(Some(name)), Vec::new());
+        let mut epoch = AntennaEpoch::default();
+        while source.next_epoch(&mut epoch).unwrap() {
+            read.push(epoch.clone());
+        }
+        assert_eq!(source.damage_count(), 0);
+        assert_same(wanted, &read, &SBF_WITHIN);
+    }
+    let mut epoch = AntennaEpoch::default();
+    let error = open(None).next_epoch(&mut epoch).unwrap_err().to_string();
+    assert!(error.contains("antennas main and aux1") && error.contains("antenna_id"), "{error}");
+    let error = open(Some("aux3")).next_epoch(&mut epoch).unwrap_err().to_string();
+    assert!(error.contains("main and aux1 and aux2, none of antenna aux3"), "{error}");
+    let names = LogOptions { station: Some(3), ..LogOptions::default() };
+    let source = Source::new(std::io::Cursor::new(bytes.clone()), "log").unwrap();
+    let error = ObservationSource::from_source_with(source, &names).unwrap_err().to_string();
+    assert!(error.contains("station_id"), "{error}");
+}
+
+/// Differences of `convbin`, all of them: it knows no QZSS satellites, no E36, C62 and S58, and keeps
+/// one signal of some bands only; strengths are 250 times too small; it marks the first phase of every
+/// signal as slipped.
+#[test]
+fn sbf_log_as_convbin() {
+    const NOT_THERE: [&str; 10] = [
+        "G05 G1L", "E11 E6C", "E36 E5Q", "C30 C5P", "C62 C1P", "C62 C7D", "J02 J1C", "J02 J1Z",
+        "J02 J5P", "S58 S5I",
+    ];
+    let folder = folder("sbf-convbin");
+    let log = folder.join("log.sbf");
+    let epochs = sbf_epochs();
+    let mut writer = SbfWriter::new(Vec::new(), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(&[epoch]).unwrap());
+    std::fs::write(&log, writer.finish()).unwrap();
+    let Some(theirs) = convbin(&log, "sbf", &folder) else { return };
+    let ours = signals(&log);
+    for (satellite, signal) in ours.keys().filter(|key| !theirs.contains_key(key)) {
+        let name = format!("{satellite} {signal}");
+        assert!(NOT_THERE.contains(&name.as_str()), "{name}");
+    }
+    let mut compared = [0; 2];
+    for (key, theirs) in &theirs {
+        let ours = &ours[key];
+        assert_eq!(ours.len(), theirs.len(), "{key:?}");
+        let mut first = true;
+        for ((time, a), b) in ours.iter().zip(theirs.values()) {
+            let about = format!("{time} {} {}", a.satellite, a.signal);
+            let near = |a: Option<f64>, b: Option<f64>, within: f64, quantity: &str| match (a, b) {
+                (Some(a), Some(b)) => {
+                    assert!((a - b).abs() <= within, "{about} {quantity} {a} {b}")
+                }
+                _ => assert_eq!(a, b, "{about} {quantity}"),
+            };
+            near(a.pseudorange_m, b.pseudorange_m, 5.1e-4, "pseudorange");
+            near(a.phase_cycles, b.phase_cycles, 5.1e-4, "phase");
+            // They keep 32 bits of it.
+            near(a.doppler_hz, b.doppler_hz, 6e-4, "Doppler");
+            near(a.cn0_dbhz, b.cn0_dbhz.map(|cn0| 250.0 * cn0), 0.126, "C/N0");
+            compared[0] += 1;
+            if a.phase_cycles.is_some() {
+                compared[1] += 1;
+                let slipped = first || a.lock.slipped();
+                assert_eq!(slipped, b.lock.slipped(), "{about} slip");
+                let half = |o: &Observation| o.lock.half_cycle_unresolved();
+                assert_eq!(half(a), half(b), "{about} half cycle");
+                first = false;
+            }
+        }
+    }
+    println!("convbin: {} observations, {} phases compared", compared[0], compared[1]);
+}
+
+/// What MSM 7 keeps: 0.3 mm of a range, 0.1 mm of a phase, 0.05 mm/s of a rate, 1/32 dB-Hz.
+#[test]
+fn a_written_rtcm_log_reads_the_same() {
+    let mut epochs = written_epochs(&COMMON, 0.5);
+    // B1I on a satellite without a Doppler, and one without a phase.
+    epochs[2].observations[5].doppler_hz = None;
+    epochs[3].observations[0].phase_cycles = None;
+    let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let bytes = writer.finish();
+    let (read, damage) = read_all(bytes.clone());
+    assert_eq!((read.len(), damage), (9, 0));
+    let within = Within { range_m: 3e-4, doppler_hz: 3e-4, cn0_dbhz: 1.0 / 32.0 };
+    assert_same(&epochs, &read, &within);
 
     // Without the first messages nothing tells the week; a time of the day before does.
     let name = |bytes: &[u8], options: &LogOptions| {
@@ -309,7 +495,7 @@ fn number(frame: &[u8]) -> u16 {
 
 #[test]
 fn one_of_several_stations_must_be_chosen() {
-    let epochs = written_epochs();
+    let epochs = written_epochs(&COMMON, 0.5);
     let place = Vector::new(4e6, 3e5, 4.9e6);
     let mut writers =
         [7, 8].map(|station| Rtcm3Writer::new(Vec::new(), station, place, &navigation()));

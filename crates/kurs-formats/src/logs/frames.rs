@@ -8,6 +8,8 @@
 //! The framing is our own because the damage list wants byte offsets, and because one scan has to
 //! know all protocols of a mixed log.
 
+use core::fmt;
+
 use super::checksum::{crc16_ccitt, crc24q, fletcher};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
@@ -21,6 +23,16 @@ pub(crate) enum Protocol {
     Rtcm3,
     /// Septentrio: `$@ crc₂ id₂ length₂ payload` (mosaic-X5 reference guide, 4.1).
     Sbf,
+}
+
+impl fmt::Display for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ubx => "u-blox messages (UBX)",
+            Self::Rtcm3 => "RTCM 3 messages",
+            Self::Sbf => "Septentrio blocks (SBF)",
+        })
+    }
 }
 
 /// Longest payload of a u-blox message that is looked for: RXM-RAWX of 255 signals has 8176 bytes.

@@ -27,8 +27,10 @@ pub(crate) struct LockTimes {
 
 #[derive(Debug, Clone, Copy)]
 struct Last {
-    time: GpsTime,
-    least_s: f64,
+    /// The last epoch that had the signal.
+    seen: GpsTime,
+    /// The last one with a lock time, and the least that it was, s.
+    locked: Option<(GpsTime, f64)>,
     half_cycle_added: bool,
     /// It slipped and has had no phase since then.
     slip_pending: bool,
@@ -40,7 +42,8 @@ pub(crate) struct Tracked {
     pub(crate) satellite: Satellite,
     pub(crate) signal: Signal,
     pub(crate) time: GpsTime,
-    pub(crate) lock: LockTime,
+    /// `None` where the receiver does not tell.
+    pub(crate) lock: Option<LockTime>,
     /// Receivers that resolve the half cycle late put it on the phase then.
     pub(crate) half_cycle_added: bool,
     pub(crate) has_phase: bool,
@@ -60,29 +63,32 @@ pub(crate) enum Continuity {
 impl LockTimes {
     /// Compares with the last epoch of this signal. The phase slipped if the lock is of no duration,
     /// certainly shorter than before, or certainly shorter than the time in between. A slip stays
-    /// until the signal has a phase.
+    /// until the signal has a phase. Nothing is said of a phase where the lock time is missing.
     pub(crate) fn update(&mut self, now: &Tracked) -> Continuity {
-        let Tracked { lock, time, half_cycle_added, .. } = *now;
-        let key = (now.satellite, now.signal);
-        let least_s = lock.least_s;
-        let just_begun = least_s <= 0.0;
-        let last = self.last.entry(key).or_insert(Last {
-            time: GpsTime::from_nanoseconds(i64::MIN),
-            least_s,
+        let Tracked { time, half_cycle_added, .. } = *now;
+        let last = self.last.entry((now.satellite, now.signal)).or_insert(Last {
+            seen: GpsTime::from_nanoseconds(i64::MIN),
+            locked: None,
             half_cycle_added,
-            slip_pending: just_begun,
+            slip_pending: false,
         });
-        if last.time == time {
+        if last.seen == time {
             return Continuity::Repeated;
         }
-        let is_first = last.time.as_nanoseconds() == i64::MIN;
-        let slipped = last.slip_pending
-            || just_begun
-            || lock.most_s <= last.least_s
-            || (!is_first && lock.most_s < COVERED * (time - last.time))
-            || last.half_cycle_added != half_cycle_added;
-        let slip_pending = slipped && !now.has_phase;
-        *last = Last { time, least_s, half_cycle_added, slip_pending };
+        last.seen = time;
+        let Some(LockTime { least_s, most_s }) = now.lock else { return Continuity::Continuous };
+        let just_begun = least_s <= 0.0;
+        let is_shorter = last.locked.is_some_and(|(locked, least_s)| {
+            most_s <= least_s || most_s < COVERED * (time - locked)
+        });
+        let half_cycle_moved = last.half_cycle_added != half_cycle_added;
+        let slipped = last.slip_pending || just_begun || is_shorter || half_cycle_moved;
+        *last = Last {
+            seen: time,
+            locked: Some((time, least_s)),
+            half_cycle_added,
+            slip_pending: slipped && !now.has_phase,
+        };
         if slipped { Continuity::Slipped } else { Continuity::Continuous }
     }
 }
@@ -103,7 +109,7 @@ mod tests {
                       half_cycle_added: bool,
                       lost_phase: bool| {
             let time = GpsTime::from_week_tow(2300, time_s).unwrap();
-            let lock = LockTime { least_s, most_s };
+            let lock = (least_s >= 0.0).then_some(LockTime { least_s, most_s });
             let has_phase = !lost_phase;
             locks.update(&Tracked { satellite, signal, time, lock, half_cycle_added, has_phase })
         };
@@ -129,5 +135,10 @@ mod tests {
         assert_eq!(at(137.0, 0.0, 0.1, true, true), Slipped);
         assert_eq!(at(138.0, 1.0, 1.1, true, false), Slipped, "the first phase since then");
         assert_eq!(at(139.0, 2.0, 2.1, true, false), Continuous);
+        assert_eq!(at(140.0, -1.0, 0.0, true, true), Continuous, "nothing is said");
+        assert_eq!(at(140.0, -1.0, 0.0, true, true), Repeated);
+        assert_eq!(at(141.0, 4.0, 4.1, true, false), Continuous, "the lock was not lost");
+        assert_eq!(at(142.0, -1.0, 0.0, true, true), Continuous);
+        assert_eq!(at(144.0, 1.0, 1.1, true, false), Slipped, "shorter than the time since 141 s");
     }
 }

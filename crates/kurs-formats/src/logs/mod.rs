@@ -4,17 +4,34 @@
 //! ephemerides of a whole log. Damage is listed with its byte offset.
 
 pub(crate) mod checksum;
+mod choice;
 pub(crate) mod frames;
 pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
 pub(crate) mod navigation;
 mod reader;
+pub(crate) mod whole_cycles;
+
+use kurs::observation::Observation;
+use kurs::time::GpsTime;
 
 pub use reader::{LogOptions, LogReader};
 
 /// A number that an observation may have: not zero, which means missing, and not absurd.
 pub(crate) fn plausible(value: f64) -> Option<f64> {
     (value.is_finite() && value != 0.0 && value.abs() < 1e10).then_some(value)
+}
+
+/// Whether an observation says nothing.
+pub(crate) fn is_empty(o: &Observation) -> bool {
+    [o.pseudorange_m, o.phase_cycles, o.doppler_hz, o.cn0_dbhz].iter().all(Option::is_none)
+}
+
+/// The nearest whole millisecond: logs have no finer time tags.
+pub(crate) fn whole_milliseconds(time: GpsTime) -> GpsTime {
+    const NANOSECONDS: i64 = 1_000_000;
+    let rounded = (time.as_nanoseconds() + NANOSECONDS / 2).div_euclid(NANOSECONDS);
+    GpsTime::from_nanoseconds(rounded * NANOSECONDS)
 }
 
 /// Numbers at byte offsets of a message, least significant byte first; `None` behind its end.

@@ -8,6 +8,7 @@ use crate::damage::DamageLog;
 use crate::navigation::ReadSummary;
 use crate::navigation_frames::Collector;
 use crate::rtcm;
+use crate::sbf::{self, block::Block};
 use crate::source::{ReadError, Source};
 use crate::ubx::{rawx, sfrbx};
 
@@ -50,7 +51,12 @@ pub(crate) fn read(
                 }
                 received.map(|received| received.map(|received| received.ephemeris))
             }
-            Protocol::Sbf => None,
+            Protocol::Sbf => {
+                let block = Block::of(body);
+                // Without a time stamp nothing tells the week.
+                let Some(time) = block.time() else { continue };
+                sbf::navigation::take(&block, time, &mut collector, data)
+            }
         };
         match taken {
             Some(Ok(ephemeris)) => add(ephemeris, data, summary),

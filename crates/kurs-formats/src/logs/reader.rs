@@ -2,13 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
+use super::choice::Choice;
 use super::frames::{Frame, FrameScanner, Protocol};
 use super::lock_time::LockTimes;
 use crate::damage::{Damage, DamageLog};
 use crate::rtcm;
+use crate::sbf::block::Block;
+use crate::sbf::{AntennaId, measurements};
 use crate::source::{ReadError, Source};
 use crate::ubx::rawx;
 
@@ -17,6 +21,8 @@ use crate::ubx::rawx;
 pub struct LogOptions {
     /// RTCM 3: the station whose observations are wanted; needed where there are several.
     pub station: Option<u16>,
+    /// SBF: the antenna whose observations are wanted; needed where there are several.
+    pub antenna: Option<AntennaId>,
     /// RTCM 3: a time within three days of the log; needed where no message in it tells the date.
     pub approximate_time: Option<GpsTime>,
 }
@@ -27,9 +33,8 @@ pub struct LogReader {
     source: Source,
     scanner: FrameScanner,
     protocol: Protocol,
-    /// RTCM 3: the station that was chosen, else the first one.
-    station: Option<u16>,
-    station_is_chosen: bool,
+    /// RTCM 3: of stations; SBF: of antennas.
+    choice: Choice,
     locks: LockTimes,
     glonass_channels: BTreeMap<u8, i8>,
     damage: DamageLog,
@@ -39,6 +44,10 @@ pub struct LogReader {
     near: GpsTime,
     /// RTCM 3: the epoch whose messages are coming in.
     building: Option<AntennaEpoch>,
+    /// SBF: observations in blocks that are not read were noted.
+    packed_noted: bool,
+    /// RTCM 3: where the station says that its antenna is.
+    place: Option<Vector<Ecef>>,
 }
 
 impl LogReader {
@@ -46,7 +55,8 @@ impl LogReader {
     ///
     /// # Errors
     ///
-    /// [`ReadError::WrongContent`] if it is an RTCM 3 log whose date is not known.
+    /// [`ReadError::WrongContent`] if it is an RTCM 3 log whose date is not known, or if a station or
+    /// antenna is chosen and the protocol has none.
     pub(crate) fn new(
         source: Source,
         protocol: Protocol,
@@ -55,6 +65,15 @@ impl LogReader {
     ) -> Result<Self, ReadError> {
         const DATE: &str = "a message that does (1019, 1020, 1042, 1044, 1045 or 1046), or the key \
             `approximate_time`, a time within three days of the log";
+        if options.antenna.is_some() && protocol != Protocol::Sbf {
+            let antenna =
+                "Septentrio blocks (SBF), because `antenna_id` chooses one of their antennas";
+            return Err(source.wrong_content(protocol.to_string(), antenna));
+        }
+        if options.station.is_some() && protocol != Protocol::Rtcm3 {
+            let station = "RTCM 3 messages, because `station_id` chooses one of their stations";
+            return Err(source.wrong_content(protocol.to_string(), station));
+        }
         let date = options.approximate_time.or(date);
         if protocol == Protocol::Rtcm3 && date.is_none() {
             return Err(source.wrong_content("RTCM 3 messages that do not tell the week", DATE));
@@ -63,14 +82,18 @@ impl LogReader {
             source,
             scanner: FrameScanner::default(),
             protocol,
-            station: options.station,
-            station_is_chosen: options.station.is_some(),
+            choice: Choice::new(match protocol {
+                Protocol::Sbf => options.antenna.map(|antenna| u16::from(antenna.0)),
+                _ => options.station,
+            }),
             locks: LockTimes::default(),
             glonass_channels: BTreeMap::new(),
             damage: DamageLog::default(),
             last: None,
             near: date.unwrap_or_default(),
             building: None,
+            packed_noted: false,
+            place: None,
         })
     }
 
@@ -79,14 +102,19 @@ impl LogReader {
     /// # Errors
     ///
     /// [`ReadError::Io`] if the operating system refuses to read on; [`ReadError::WrongContent`] if
-    /// there are several stations and none was chosen.
+    /// there are several stations or antennas and none was chosen, or the chosen one is not there.
     pub fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
         epoch.observations.clear();
         (epoch.power_failure, epoch.clock_offset_s) = (false, None);
-        match self.protocol {
+        let found = match self.protocol {
             Protocol::Ubx => self.next_ubx(epoch),
-            _ => self.next_rtcm(epoch),
+            Protocol::Rtcm3 => self.next_rtcm(epoch),
+            Protocol::Sbf => self.next_sbf(epoch),
+        }?;
+        if !found && self.choice.is_missing() {
+            return Err(self.wrong_choice());
         }
+        Ok(found)
     }
 
     /// RXM-RAWX has a whole epoch.
@@ -117,14 +145,17 @@ impl LogReader {
             let Frame { protocol: Protocol::Rtcm3, body, offset } = frame else { continue };
             let Some(header) = rtcm::msm::Header::read(body) else {
                 rtcm::ephemeris::glonass_channel(body, &mut self.glonass_channels);
+                if let Some((station, place)) = rtcm::place::read(body)
+                    && self.choice.wanted().is_none_or(|wanted| wanted == station)
+                {
+                    self.place = Some(place);
+                }
                 continue;
             };
-            let station = *self.station.get_or_insert(header.station);
-            if station != header.station {
-                if self.station_is_chosen {
-                    continue;
-                }
-                return Err(self.several_stations(station, header.station));
+            match self.choice.takes(header.station) {
+                Some(true) => {}
+                Some(false) => continue,
+                None => return Err(self.wrong_choice()),
             }
             let time = rtcm::clock::resolve(header.system, header.epoch_time, self.near);
             let Some(time) = time else {
@@ -152,11 +183,91 @@ impl LogReader {
         Ok(self.building.take().map(|complete| *epoch = complete).is_some())
     }
 
-    fn several_stations(&self, first: u16, second: u16) -> ReadError {
-        self.source.wrong_content(
-            format!("RTCM 3 messages of stations {first} and {second}"),
-            "one station, or the key `station_id` of the antenna",
-        )
+    /// MeasEpoch has a whole epoch of all antennas.
+    fn next_sbf(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
+        while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            let Frame { protocol: Protocol::Sbf, body, offset } = frame else { continue };
+            let block = Block::of(body);
+            if block.number == measurements::MEAS3_RANGES && !self.packed_noted {
+                self.packed_noted = true;
+                self.damage.note(
+                    offset,
+                    "Meas3Ranges are not read, here and behind: let the receiver log MeasEpoch",
+                );
+            }
+            if block.number != measurements::MEAS_EPOCH {
+                continue;
+            }
+            let header = match measurements::Header::read(block.content) {
+                Ok(header) => header,
+                Err(what) => {
+                    self.damage.note(offset, what);
+                    continue;
+                }
+            };
+            let antennas = header.antennas(block.content);
+            let mut is_wanted = header.is_empty();
+            for antenna in (0..AntennaId::COUNT).filter(|antenna| antennas >> antenna & 1 == 1) {
+                match self.choice.takes(u16::from(antenna)) {
+                    Some(wanted) => is_wanted |= wanted,
+                    None => return Err(self.wrong_choice()),
+                }
+            }
+            if !is_wanted {
+                continue;
+            }
+            let Some(time) = block.time() else {
+                self.damage.note(offset, "MeasEpoch without a time, skipped");
+                continue;
+            };
+            if !is_later(time, &mut self.last, offset, &mut self.damage) {
+                continue;
+            }
+            epoch.time = time;
+            let wanted = self.choice.wanted().and_then(|antenna| u8::try_from(antenna).ok());
+            let whole = measurements::Epoch {
+                antenna: wanted.map_or(AntennaId::MAIN, AntennaId),
+                time,
+                locks: &mut self.locks,
+                glonass_channels: &mut self.glonass_channels,
+                observations: &mut epoch.observations,
+            }
+            .read(&header, block.content);
+            if whole.is_none() {
+                self.damage.note(offset, "MeasEpoch is shorter than its counts say, the rest lost");
+            }
+            return Ok(true);
+        }
+        Ok(false)
+    }
+
+    /// There are several stations or antennas, or not the one that was chosen.
+    fn wrong_choice(&self) -> ReadError {
+        let is_sbf = self.protocol == Protocol::Sbf;
+        let name = |number: u16| match u8::try_from(number) {
+            Ok(antenna) if is_sbf => AntennaId(antenna).to_string(),
+            _ => number.to_string(),
+        };
+        let found: Vec<String> = self.choice.found().map(name).collect();
+        let source = if is_sbf { "antenna" } else { "station" };
+        let plural = if found.len() > 1 { "s" } else { "" };
+        let mut text = format!("{} of {source}{plural} {}", self.protocol, found.join(" and "));
+        if let Some(wanted) = self.choice.wanted().filter(|_| self.choice.is_missing()) {
+            text += &format!(", none of {source} {}", name(wanted));
+        }
+        let expected = match (is_sbf, self.choice.is_missing()) {
+            (true, false) => "one antenna, or the key `antenna_id` of the antenna",
+            (true, true) => "the one that the key `antenna_id` names",
+            (false, false) => "one station, or the key `station_id` of the antenna",
+            (false, true) => "the one that the key `station_id` names",
+        };
+        self.source.wrong_content(text, expected)
+    }
+
+    /// Where the log says that the antenna is (RTCM 3: its reference point); as of the last message.
+    #[must_use]
+    pub const fn place_m(&self) -> Option<Vector<Ecef>> {
+        self.place
     }
 
     /// GLONASS frequency channel of each orbital slot that was seen so far.

@@ -59,21 +59,19 @@ impl GlonassMessage {
     /// The message that says `elements`.
     pub(crate) fn of(elements: &GlonassElements, sent: GpsTime) -> Self {
         let moscow = moscow(elements.reference_time);
-        let fits = |accuracy: &f64| *accuracy >= elements.accuracy_m;
-        let accuracy = ACCURACY_M.iter().position(fits).unwrap_or(ACCURACY_M.len());
         let kilometres = |v: Vector<Ecef>| <[f64; 3]>::from((v * 1e-3).xyz());
         Self {
             position_km: kilometres(elements.position_m),
             velocity_kmps: kilometres(elements.velocity_mps),
             acceleration_kmps2: kilometres(elements.acceleration_mps2),
             reference_s: (moscow.tow_s() % DAY_S).round(),
-            frame_s: (self::moscow(sent).tow_s() % DAY_S / 30.0).floor() * 30.0,
+            frame_s: frame_s(sent),
             health: if elements.health == 0 { 0 } else { 4 },
             unhealthy: u64::from(elements.health != 0),
             drift: elements.clock_drift,
             minus_bias_s: -elements.clock_bias_s,
             l2_delay_s: elements.l2_delay_s.unwrap_or(0.0),
-            accuracy: accuracy as u64,
+            accuracy: accuracy_index(elements.accuracy_m),
             day: 1 + days_since_1996(moscow) % FOUR_YEARS_D,
             four_years: 1 + days_since_1996(moscow) / FOUR_YEARS_D,
             slot: u64::from(elements.satellite.number),
@@ -89,7 +87,6 @@ impl GlonassMessage {
     ) -> Result<Ephemeris, String> {
         let metres = |v: [f64; 3]| Vector::new(v[0], v[1], v[2]) * 1e3;
         let reference_time = next_to(near, self.reference_s);
-        let index = usize::try_from(self.accuracy).unwrap_or(usize::MAX);
         let elements = GlonassElements {
             satellite,
             reference_time,
@@ -102,7 +99,7 @@ impl GlonassMessage {
             channel,
             l2_delay_s: Some(self.l2_delay_s),
             health: u16::from(self.health >= 4 || self.unhealthy != 0),
-            accuracy_m: *ACCURACY_M.get(index).unwrap_or(&ACCURACY_UNKNOWN_M),
+            accuracy_m: accuracy_m(self.accuracy),
         };
         let checked = GlonassEphemeris::new(elements).map_err(|error| error.to_string())?;
         Ok(Ephemeris::Glonass(checked))
@@ -165,6 +162,23 @@ impl GlonassMessage {
     pub(crate) fn l2_delay(&mut self, f: &mut impl Fields) {
         f.scaled_sign_and_size(5, two_to(-30), &mut self.l2_delay_s);
     }
+}
+
+/// When the frame of an instant began, s of the day in Moscow.
+pub(crate) fn frame_s(time: GpsTime) -> f64 {
+    const FRAME_S: f64 = 30.0;
+    (moscow(time).tow_s() % DAY_S / FRAME_S).floor() * FRAME_S
+}
+
+/// The first index F_T that promises no more than `accuracy_m`.
+pub(crate) fn accuracy_index(accuracy_m: f64) -> u64 {
+    ACCURACY_M.iter().position(|a| *a >= accuracy_m).unwrap_or(ACCURACY_M.len()) as u64
+}
+
+/// Range accuracy of an index F_T, m; of none predicted the largest.
+pub(crate) fn accuracy_m(index: u64) -> f64 {
+    let index = usize::try_from(index).unwrap_or(usize::MAX);
+    *ACCURACY_M.get(index).unwrap_or(&ACCURACY_UNKNOWN_M)
 }
 
 /// Moscow's date and time on the scale of days and weeks of GPS.

@@ -201,6 +201,15 @@ pub(crate) fn from_words(words: [u32; 10]) -> Option<Subframe> {
     Some(subframe)
 }
 
+/// The data bits of ten words, whose parity the receiver has checked.
+pub(crate) fn from_checked_words(words: [u32; 10]) -> Subframe {
+    let mut subframe = [0; 30];
+    for (word, bytes) in words.iter().zip(subframe.chunks_exact_mut(3)) {
+        bytes.copy_from_slice(&(word >> 6 & 0xff_ffff).to_be_bytes()[1..]);
+    }
+    subframe
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

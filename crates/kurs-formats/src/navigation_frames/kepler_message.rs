@@ -12,7 +12,7 @@ use crate::fields::{Fields, two_to};
 
 /// π as all the interface documents define it.
 #[allow(clippy::approx_constant)] // 0.002 units of the smallest angle
-const PI: f64 = 3.141_592_653_589_8;
+pub(crate) const PI: f64 = 3.141_592_653_589_8;
 const HOUR_S: f64 = 3600.0;
 
 /// A message with the short times and indices that it carries.
@@ -173,6 +173,11 @@ impl KeplerMessage {
         let week = i32::try_from(sent + periods * period).ok()?;
         let own = GpsTime::from_week_tow(week, self.orbit_s)?;
         Some(own + (near - own_time(system, near)))
+    }
+
+    /// Sets when it was sent, for messages that do not say it.
+    pub(crate) fn set_sent(&mut self, time: GpsTime) {
+        self.sent_s = own_time(self.elements.satellite.system, time).tow_s().floor();
     }
 
     pub(crate) fn orbit_time(&mut self, f: &mut impl Fields) {

@@ -7,7 +7,7 @@ pub(crate) mod beidou;
 pub(crate) mod galileo;
 pub(crate) mod glonass;
 pub(crate) mod gps_lnav;
-mod kepler_message;
+pub(crate) mod kepler_message;
 pub(crate) mod schedule;
 
 use std::collections::BTreeMap;
@@ -109,7 +109,17 @@ impl Collector {
             *behind = None;
         }
         let parts = with(parts, number, part)?;
-        let message = glonass::read(parts.each_ref());
+        self.give_glonass(satellite, channel, &glonass::read(parts.each_ref()), near)
+    }
+
+    /// The ephemeris of a whole message of GLONASS, unless it was given out already.
+    pub(crate) fn give_glonass(
+        &mut self,
+        satellite: Satellite,
+        channel: i8,
+        message: &GlonassMessage,
+        near: GpsTime,
+    ) -> Taken {
         let of_day = message.reference_s.to_bits();
         if self.is_given((satellite, Message::GlonassFdma), (0, of_day)) {
             return None;
@@ -117,8 +127,8 @@ impl Collector {
         Some(message.ephemeris(satellite, channel, near))
     }
 
-    /// The ephemeris, unless it was given out already.
-    fn give(&mut self, message: KeplerMessage, near: GpsTime) -> Taken {
+    /// The ephemeris of a whole message, unless it was given out already.
+    pub(crate) fn give(&mut self, message: KeplerMessage, near: GpsTime) -> Taken {
         let key = (message.elements.satellite, message.elements.message);
         let issue = (message.issue, message.orbit_s.to_bits());
         if self.is_given(key, issue) { None } else { Some(message.ephemeris(near)) }

@@ -95,63 +95,39 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// What stands in the 14 columns of an observation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Value {
-    /// Blanks: the observation is missing.
-    Blank,
-    /// The number zero, which means the same.
-    Zero,
-    /// The number.
-    Number(f64),
-    /// Something else, or a number in the wrong columns.
-    Damaged,
-}
+/// A field holds something else than it should, or a number in the wrong columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Damaged;
 
-impl Value {
-    /// The number, if the observation is not missing.
-    pub(crate) const fn number(self) -> Option<f64> {
-        match self {
-            Self::Number(number) => Some(number),
-            Self::Blank | Self::Zero | Self::Damaged => None,
-        }
-    }
-}
-
-/// Reads an F14.3 field and divides by `factor` (1, or a scale factor of the header).
+/// The thousandths in the 14 columns of an observation (F14.3); `None` if they are blank.
 ///
 /// The point must stand in its column and the field must be whole: a number that lost or gained a
-/// digit, or that a cut file ends in, is damage and not another number. The result is the nearest
-/// double, as in [`decimal`].
-pub(crate) fn f14_3(field: &[u8], factor: f64) -> Value {
+/// digit, or that a cut file ends in, is damage and not another number.
+pub(crate) fn f14_3(field: &[u8]) -> Result<Option<i64>, Damaged> {
     let Ok(field) = <&[u8; 14]>::try_from(field) else {
-        return if field.trim_ascii().is_empty() { Value::Blank } else { Value::Damaged };
+        return if field.trim_ascii().is_empty() { Ok(None) } else { Err(Damaged) };
     };
     let mut start = 0;
     while start < 14 && field[start] == b' ' {
         start += 1;
     }
     if start == 14 {
-        return Value::Blank;
+        return Ok(None);
     }
     let negative = field[start] == b'-';
     start += usize::from(negative);
     if field[10] != b'.' || start > 10 {
-        return Value::Damaged;
+        return Err(Damaged);
     }
-    let mut mantissa = 0_u64;
+    let mut thousandths = 0;
     for &byte in field[start..10].iter().chain(&field[11..]) {
         let digit = byte.wrapping_sub(b'0');
         if digit > 9 {
-            return Value::Damaged;
+            return Err(Damaged);
         }
-        mantissa = mantissa * 10 + u64::from(digit);
+        thousandths = thousandths * 10 + i64::from(digit);
     }
-    if mantissa == 0 {
-        return Value::Zero;
-    }
-    let magnitude = mantissa as f64 / (1000.0 * factor);
-    Value::Number(if negative { -magnitude } else { magnitude })
+    Ok(Some(if negative { -thousandths } else { thousandths }))
 }
 
 #[cfg(test)]
@@ -193,15 +169,14 @@ mod tests {
 
     #[test]
     fn observations_keep_their_columns() {
-        assert_eq!(f14_3(b"  22907163.076", 1.0), Value::Number(22_907_163.076));
-        assert_eq!(f14_3(b" -16928881.668", 1.0), Value::Number(-16_928_881.668));
-        assert_eq!(f14_3(b"          .500", 1.0), Value::Number(0.5));
-        assert_eq!(f14_3(b"     16928.815", 10.0), Value::Number(1692.8815));
+        assert_eq!(f14_3(b"  22907163.076"), Ok(Some(22_907_163_076)));
+        assert_eq!(f14_3(b" -16928881.668"), Ok(Some(-16_928_881_668)));
+        assert_eq!(f14_3(b"          .500"), Ok(Some(500)));
         for blank in [&b"              "[..], b"", b"   "] {
-            assert_eq!(f14_3(blank, 1.0), Value::Blank);
+            assert_eq!(f14_3(blank), Ok(None));
         }
         for zero in [&b"         0.000"[..], b"          .000", b"        -0.000"] {
-            assert_eq!(f14_3(zero, 1.0), Value::Zero);
+            assert_eq!(f14_3(zero), Ok(Some(0)));
         }
         for damaged in [
             &b"  2290716.0763"[..],
@@ -210,22 +185,20 @@ mod tests {
             b"  229 7163.076",
             b"             -",
         ] {
-            assert_eq!(f14_3(damaged, 1.0), Value::Damaged, "{damaged:?}");
+            assert_eq!(f14_3(damaged), Err(Damaged), "{damaged:?}");
         }
     }
 
     proptest! {
         #[test]
-        fn observations_are_the_nearest_double(thousandths in -999_999_999_999_i64..9_999_999_999_999) {
+        fn observations_are_read_as_written(thousandths in -999_999_999_999_i64..9_999_999_999_999) {
             let sign = if thousandths < 0 { "-" } else { "" };
             let magnitude = thousandths.unsigned_abs();
             let written = format!("{sign}{}.{:03}", magnitude / 1000, magnitude % 1000);
-            let value = match f14_3(format!("{written:>14}").as_bytes(), 1.0) {
-                Value::Number(value) => value,
-                Value::Zero => 0.0,
-                Value::Blank | Value::Damaged => f64::NAN,
-            };
-            prop_assert_eq!(value, written.parse::<f64>().unwrap());
+            prop_assert_eq!(f14_3(format!("{written:>14}").as_bytes()), Ok(Some(thousandths)));
+            // The quotient is the nearest double, as parsing the text gives it.
+            let value = written.parse::<f64>().unwrap();
+            prop_assert_eq!(thousandths as f64 / 1000.0, value);
             prop_assert_eq!(decimal(written.as_bytes()), Some(value));
         }
     }

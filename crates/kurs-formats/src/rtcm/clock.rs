@@ -4,10 +4,11 @@
 use kurs::signal::System;
 use kurs::time::{GPST_MINUS_BDT_S, GpsTime};
 
+use crate::logs::whole_milliseconds;
+
 /// Moscow time, which GLONASS keeps, less UTC.
 const MOSCOW_S: f64 = 3.0 * 3600.0;
 const DAY_S: f64 = 86_400.0;
-const NANOSECONDS_IN_MS: i64 = 1_000_000;
 /// Day of the week that stands for an unknown one.
 const DAY_UNKNOWN: u64 = 7;
 
@@ -27,10 +28,8 @@ pub(crate) fn resolve(system: System, bits: u64, near: GpsTime) -> Option<GpsTim
         _ => bits as f64 * 1e-3,
     };
     let time = near + (own.nearest_with_tow(own_s)? - own);
-    // Whole milliseconds, whatever the sums of real numbers make of them.
-    let nanoseconds = time.as_nanoseconds() + NANOSECONDS_IN_MS / 2;
-    let whole = nanoseconds.div_euclid(NANOSECONDS_IN_MS) * NANOSECONDS_IN_MS;
-    Some(GpsTime::from_nanoseconds(whole))
+    // Whatever the sums of real numbers make of it.
+    Some(whole_milliseconds(time))
 }
 
 /// The 30 bits of the epoch time that is a whole millisecond.

@@ -10,6 +10,7 @@ pub(crate) mod clock;
 pub(crate) mod ephemeris;
 mod lock;
 pub(crate) mod msm;
+pub(crate) mod place;
 mod signal;
 mod write;
 

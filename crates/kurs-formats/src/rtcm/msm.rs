@@ -13,7 +13,7 @@ use super::lock;
 use super::signal::{kind, message_number, satellite, satellite_bit, signal, signal_bit};
 use crate::fields::{BitReader, BitWriter, Fields, sign_extended, two_to};
 use crate::logs::lock_time::{Continuity, LockTimes, Tracked};
-use crate::logs::plausible;
+use crate::logs::{is_empty, plausible};
 
 /// Metres in a light millisecond.
 pub(super) const MS_M: f64 = SPEED_OF_LIGHT_MPS * 1e-3;
@@ -169,7 +169,7 @@ pub(crate) fn read(
             satellite,
             signal,
             time,
-            lock: lock_time,
+            lock: Some(lock_time),
             half_cycle_added: false,
             has_phase: phase_cycles.is_some(),
         };
@@ -236,10 +236,6 @@ fn set_bits(mask: u64, width: u32) -> impl Iterator<Item = u8> {
     (1..=width)
         .filter(move |bit| mask >> (width - bit) & 1 == 1)
         .filter_map(|b| u8::try_from(b).ok())
-}
-
-fn is_empty(o: &Observation) -> bool {
-    [o.pseudorange_m, o.phase_cycles, o.doppler_hz, o.cn0_dbhz].iter().all(Option::is_none)
 }
 
 /// An observation to be sent, in the units of the message.

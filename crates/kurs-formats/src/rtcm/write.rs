@@ -6,21 +6,21 @@ use std::io::{self, Write};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::{AntennaEpoch, Observation};
-use kurs::signal::{Satellite, Signal, System};
+use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use super::msm::{self, CELLS_MAX, Cell, MS_M};
-use super::{clock, ephemeris};
-use crate::fields::{BitWriter, Fields};
+use super::{clock, ephemeris, place};
 use crate::logs::checksum::crc24q;
 use crate::logs::lock_clock::LockClock;
+use crate::logs::whole_cycles::WholeCycles;
+use crate::logs::whole_milliseconds;
 use crate::navigation_frames::schedule::{Schedule, glonass_channels};
 
 /// How far a phase may be from the rough range, ms: less than the 2⁻⁸ of the format.
 const PHASE_SPAN_MS: f64 = 0.0035;
 /// The station's place is sent so often, s.
 const PLACE_INTERVAL_S: f64 = 10.0;
-const NANOSECONDS_IN_MS: i64 = 1_000_000;
 
 /// Writes the log of one receiver.
 ///
@@ -35,8 +35,7 @@ pub struct Rtcm3Writer<W: Write> {
     place_sent: Option<GpsTime>,
     glonass_channels: BTreeMap<u8, i8>,
     locks: LockClock,
-    /// Whole cycles taken off.
-    whole_cycles: BTreeMap<(Satellite, Signal), f64>,
+    whole_cycles: WholeCycles,
     schedule: Schedule,
 }
 
@@ -52,7 +51,7 @@ impl<W: Write> Rtcm3Writer<W> {
             place_sent: None,
             glonass_channels: glonass_channels(navigation),
             locks: LockClock::default(),
-            whole_cycles: BTreeMap::new(),
+            whole_cycles: WholeCycles::default(),
             schedule: Schedule::new(navigation),
         }
     }
@@ -65,17 +64,13 @@ impl<W: Write> Rtcm3Writer<W> {
     pub fn write(&mut self, epoch: &AntennaEpoch) -> io::Result<()> {
         if self.place_sent.is_none_or(|sent| epoch.time - sent >= PLACE_INTERVAL_S) {
             self.place_sent = Some(epoch.time);
-            let message = self.place_message();
-            self.send(message)?;
+            self.send(place::write(self.station, self.place))?;
         }
         while let Some(next) = self.schedule.next(epoch.time) {
             self.send(ephemeris::write(&next, epoch.time))?;
         }
         // t' = t + δ is a clock that shows δ more: every range grows by c δ.
-        let nanoseconds = epoch.time.as_nanoseconds() + NANOSECONDS_IN_MS / 2;
-        let tag = GpsTime::from_nanoseconds(
-            nanoseconds.div_euclid(NANOSECONDS_IN_MS) * NANOSECONDS_IN_MS,
-        );
+        let tag = whole_milliseconds(epoch.time);
         let shift_ms = (tag - epoch.time) * 1e3;
         let mut messages: Vec<(System, Vec<Cell>)> = Vec::new();
         for system in System::ALL {
@@ -110,13 +105,10 @@ impl<W: Write> Rtcm3Writer<W> {
         let wavelength_ms = wavelength_m / MS_M;
         let key = (o.satellite, o.signal);
         let phase_ms = o.phase_cycles.map(|cycles| {
-            let whole_ms = cycles * wavelength_ms + shift_ms;
-            let taken_off = self.whole_cycles.entry(key).or_insert(f64::NAN);
-            let away_ms = whole_ms - *taken_off * wavelength_ms - range_ms;
-            if away_ms.is_nan() || away_ms.abs() > PHASE_SPAN_MS {
-                *taken_off = ((whole_ms - range_ms) / wavelength_ms).round();
-            }
-            (cycles - *taken_off) * wavelength_ms + shift_ms
+            let range_cycles = (range_ms - shift_ms) / wavelength_ms;
+            let span_cycles = PHASE_SPAN_MS / wavelength_ms;
+            let kept = self.whole_cycles.take_off(key, cycles, range_cycles, span_cycles);
+            kept * wavelength_ms + shift_ms
         });
         Some(Cell {
             satellite: o.satellite,
@@ -129,23 +121,6 @@ impl<W: Write> Rtcm3Writer<W> {
             strength_dbhz: o.cn0_dbhz.unwrap_or(0.0),
             extended: channel.map_or(0, |channel| (channel + 7).cast_unsigned()),
         })
-    }
-
-    /// Message 1006: the antenna's reference point, tenths of millimetres; no height above it.
-    fn place_message(&self) -> Option<Vec<u8>> {
-        let mut writer = BitWriter::default();
-        writer.bits(12, 1006);
-        writer.bits(12, u64::from(self.station));
-        writer.bits(6, 0); // year of the reference frame
-        writer.bits(4, 0b1110); // GPS, GLONASS, Galileo; a real station
-        let [mut x, mut y, mut z] = <[f64; 3]>::from(self.place.xyz());
-        writer.scaled(38, 1e-4, &mut x);
-        writer.bits(2, 0b10); // one oscillator; reserved
-        writer.scaled(38, 1e-4, &mut y);
-        writer.bits(2, 0); // quarter cycles: not stated
-        writer.scaled(38, 1e-4, &mut z);
-        writer.bits(16, 0);
-        writer.finish()
     }
 
     /// Sends a message, if it could be made.

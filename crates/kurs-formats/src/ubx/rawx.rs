@@ -9,7 +9,7 @@ use kurs::time::GpsTime;
 use super::signal::{satellite, signal};
 use crate::damage::DamageLog;
 use crate::logs::lock_time::{Continuity, LockTime, LockTimes, Tracked};
-use crate::logs::{LittleEndian, plausible};
+use crate::logs::{LittleEndian, is_empty, plausible};
 
 /// Class and number of the message.
 pub(crate) const RXM_RAWX: [u8; 2] = [0x02, 0x15];
@@ -58,7 +58,7 @@ pub(crate) fn read(
             satellite,
             signal,
             time: epoch.time,
-            lock: LockTime { least_s, most_s },
+            lock: Some(LockTime { least_s, most_s }),
             half_cycle_added: has(HALF_CYCLE_ADDED),
             has_phase: phase_cycles.is_some(),
         };
@@ -84,8 +84,4 @@ pub(crate) fn read(
             epoch.observations.push(observation);
         }
     }
-}
-
-fn is_empty(o: &Observation) -> bool {
-    [o.pseudorange_m, o.phase_cycles, o.doppler_hz, o.cn0_dbhz].iter().all(Option::is_none)
 }

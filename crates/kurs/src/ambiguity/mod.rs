@@ -29,6 +29,8 @@ pub mod sphere_search;
 pub mod success_rate;
 
 #[cfg(test)]
+mod joined_lists;
+#[cfg(test)]
 mod problems;
 
 /// Float values and integers beyond this are not exact in double precision, 2⁵².

@@ -98,14 +98,6 @@ impl Sky {
         scatter.try_inverse().map_or(f64::INFINITY, |inverse| inverse.trace().sqrt())
     }
 
-    /// Double differences to the first satellite: rows `−(uᵢ − u₀)ᵀ`.
-    pub(crate) fn design(&self) -> DMatrix<f64> {
-        let rows = self.lines_of_sight.len() - 1;
-        DMatrix::from_fn(rows, 3, |i, axis| {
-            self.lines_of_sight[0][axis] - self.lines_of_sight[i + 1][axis]
-        })
-    }
-
     /// One epoch of double differences of `baselines_m` that share antenna 0, observed on every
     /// band in `wavelengths_m`, and its float solution.
     pub(crate) fn epoch(
@@ -115,30 +107,42 @@ impl Sky {
         noise: Noise,
         baselines_m: &[Vector3<f64>],
     ) -> Epoch {
-        let double_differences = self.lines_of_sight.len() - 1;
-        let per_baseline = double_differences * wavelengths_m.len();
-        let n = per_baseline * baselines_m.len();
-        let reals = 3 * baselines_m.len();
-        let one_band = self.design();
-        let mut design = DMatrix::zeros(n, reals);
-        for baseline in 0..baselines_m.len() {
+        let all: Vec<usize> = (0..self.lines_of_sight.len()).collect();
+        let seen = vec![all; baselines_m.len()];
+        self.epoch_seen(random, wavelengths_m, noise, baselines_m, &seen)
+    }
+
+    /// The same where baseline `j` has only the satellites `seen[j]`, the first of them its
+    /// reference.
+    pub(crate) fn epoch_seen(
+        &self,
+        random: &mut Xoshiro256PlusPlus,
+        wavelengths_m: &[f64],
+        noise: Noise,
+        baselines_m: &[Vector3<f64>],
+        seen: &[Vec<usize>],
+    ) -> Epoch {
+        let mut rows = Vec::new();
+        for (baseline, satellites) in seen.iter().enumerate() {
             for band in 0..wavelengths_m.len() {
-                let row = baseline * per_baseline + band * double_differences;
-                design.view_mut((row, 3 * baseline), (double_differences, 3)).copy_from(&one_band);
+                rows.extend(satellites[1..].iter().map(|&satellite| DoubleDifference {
+                    baseline,
+                    band,
+                    satellite,
+                    reference: satellites[0],
+                }));
             }
         }
-        // Antenna 0 is in every baseline, satellite 0 in every double difference.
-        let shared = DMatrix::from_fn(n, n, |i, j| {
-            let same_band =
-                i % per_baseline / double_differences == j % per_baseline / double_differences;
-            if !same_band {
-                return 0.0;
-            }
-            let antennas = if i / per_baseline == j / per_baseline { 2.0 } else { 1.0 };
-            let satellites =
-                if i % double_differences == j % double_differences { 2.0 } else { 1.0 };
-            antennas * satellites
+        let n = rows.len();
+        let reals = 3 * baselines_m.len();
+        let design = DMatrix::from_fn(n, reals, |i, column| {
+            let row = rows[i];
+            let of_axis = |satellite: usize| self.lines_of_sight[satellite][column % 3];
+            let own = column / 3 == row.baseline;
+            if own { of_axis(row.reference) - of_axis(row.satellite) } else { 0.0 }
         });
+        // Antenna 0 is in every baseline, a satellite in many double differences.
+        let shared = DMatrix::from_fn(n, n, |i, j| rows[i].shared(rows[j]));
         let root = shared.clone().cholesky().expect("positive definite").l();
         let mut draw = |sigma_m: f64| {
             let white = DVector::from_fn(n, |_, _| normal(random));
@@ -150,8 +154,7 @@ impl Sky {
             DVector::from_iterator(reals, baselines_m.iter().flat_map(|b| b.iter().copied()));
         let integers: Vec<i64> =
             (0..n).map(|_| random.random_range(-1_000_000..1_000_000)).collect();
-        let wavelengths =
-            DVector::from_fn(n, |i, _| wavelengths_m[i % per_baseline / double_differences]);
+        let wavelengths = DVector::from_fn(n, |i, _| wavelengths_m[rows[i].band]);
 
         let range_m = &design * &truth_m;
         let code_m = &range_m + code_noise_m;
@@ -175,7 +178,7 @@ impl Sky {
             * &inverse_wavelengths;
         // Q_b|a = (σ_P⁻² + σ_φ⁻²)⁻¹ (Gᵀ W G)⁻¹
         let precision = noise.code_m.powi(-2) + noise.phase_m.powi(-2);
-        let conditional_covariance_m2 = inverse_normal / precision;
+        let conditional_covariance_m2 = &inverse_normal / precision;
         Epoch {
             float: MixedFloat {
                 ambiguities,
@@ -190,9 +193,34 @@ impl Sky {
             integers,
             wavelengths_m: wavelengths,
             phase_covariance_m2: &shared * noise.phase_m.powi(2),
-            code_information: &weighted * &design * noise.code_m.powi(-2),
+            code_covariance_m2: q_b,
             design,
+            baseline_of: rows.iter().map(|row| row.baseline).collect(),
         }
+    }
+}
+
+/// Satellite less reference satellite, antenna less antenna 0.
+#[derive(Debug, Clone, Copy)]
+struct DoubleDifference {
+    baseline: usize,
+    band: usize,
+    satellite: usize,
+    reference: usize,
+}
+
+impl DoubleDifference {
+    /// Their covariance where every observation has variance one.
+    fn shared(self, other: Self) -> f64 {
+        if self.band != other.band {
+            return 0.0;
+        }
+        let antennas = if self.baseline == other.baseline { 2.0 } else { 1.0 };
+        let same = |one: usize, two: usize| f64::from(u8::from(one == two));
+        antennas
+            * (same(self.satellite, other.satellite) + same(self.reference, other.reference)
+                - same(self.satellite, other.reference)
+                - same(self.reference, other.satellite))
     }
 }
 
@@ -201,23 +229,38 @@ impl Sky {
 pub(crate) struct Epoch {
     pub float: MixedFloat,
     pub integers: Vec<i64>,
-    phases_m: DVector<f64>,
-    wavelengths_m: DVector<f64>,
-    design: DMatrix<f64>,
-    phase_covariance_m2: DMatrix<f64>,
-    code_information: DMatrix<f64>,
+    /// Baseline of each ambiguity.
+    pub baseline_of: Vec<usize>,
+    /// `φ`, `λ`, m.
+    pub phases_m: DVector<f64>,
+    pub wavelengths_m: DVector<f64>,
+    pub design: DMatrix<f64>,
+    pub phase_covariance_m2: DMatrix<f64>,
+    /// Of the baselines from code alone, which the float solution holds.
+    pub code_covariance_m2: DMatrix<f64>,
 }
 
 impl Epoch {
     /// The same epoch, of one baseline, for the search over the sphere.
     pub(crate) fn phase_model(&self) -> PhaseModel {
+        self.phase_model_of(0)
+    }
+
+    /// What one baseline of the epoch says by itself.
+    pub(crate) fn phase_model_of(&self, baseline: usize) -> PhaseModel {
+        let rows: Vec<usize> =
+            (0..self.baseline_of.len()).filter(|i| self.baseline_of[*i] == baseline).collect();
+        let (n, first) = (rows.len(), 3 * baseline);
+        let code: Matrix3<f64> = self.code_covariance_m2.fixed_view::<3, 3>(first, first).into();
         PhaseModel {
-            phases_m: self.phases_m.clone(),
-            wavelengths_m: self.wavelengths_m.clone(),
-            design: self.design.clone(),
-            covariance_m2: self.phase_covariance_m2.clone(),
-            prior_m: self.float.reals_m.fixed_rows::<3>(0).into(),
-            prior_information: self.code_information.fixed_view::<3, 3>(0, 0).into(),
+            phases_m: self.phases_m.select_rows(&rows),
+            wavelengths_m: self.wavelengths_m.select_rows(&rows),
+            design: self.design.select_rows(&rows).columns(first, 3).into(),
+            covariance_m2: DMatrix::from_fn(n, n, |i, j| {
+                self.phase_covariance_m2[(rows[i], rows[j])]
+            }),
+            prior_m: self.float.reals_m.fixed_rows::<3>(first).into(),
+            prior_information: code.try_inverse().expect("three dimensions"),
         }
     }
 }

@@ -8,22 +8,30 @@
 //! c(z) = min over b of |φ − Λ z − G b|²_Qφ + (b − b_P)ᵀ N_P (b − b_P) + (|b| − l)² / σ²
 //! ```
 //!
-//! **No vector is missed.** Let `c(z) <= c`, reached at `b`. Then each phase residual is within
-//! `√c σᵢ`, the length within `√c σ` of `l`, and a point `b'` of the grid of radius `l` is within
-//! `ε = l δ + √c σ` of `b`, where `δ` is the angle between rings and between the points of a ring:
-//! go half of `δ` along the meridian to the nearest ring, and half of `δ` along the ring. So
-//! `|φᵢ − λᵢ zᵢ − gᵢᵀ b'| <= √c σᵢ + |gᵢ| ε` for every `i`, and all integers in these intervals are
-//! tried.
+//! **No vector is missed.** Let `c(z) <= c`, reached at `b`. Then the length of `b` is within `√c σ`
+//! of `l`, and so within `h` of the radius `r` of one of the shells of the grid; its stretch costs at
+//! least `((|r − l| − h) / σ)²`, which leaves `c'` for all else. A point `b'` of the shell is within
+//! `ε = r δ + h` of `b`, where `δ` is the angle between rings and between the points of a ring: go
+//! half of `δ` along the meridian to the nearest ring, and half of `δ` along the ring. The prior and
+//! the first `k` phases misfit `b` by at most `√c'`, in the norm of their weights, and from `b` to
+//! `b'` this changes by no more than `ε` times the largest stretch of that norm:
+//!
+//! ```text
+//! |b' − b_P|²_N + Σᵢ uᵢ² (i <= k)  <=  (√c' + ε √λmax(N_P + G_kᵀ Q_k⁻¹ G_k))²
+//! L u = φ − Λ z − G b',     Q_φ = L Lᵀ
+//! ```
+//!
+//! At every point all vectors are tried, one integer after the other, that keep to this for each `k`.
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 use super::{AmbiguityError, MAX_CYCLES, sphere::Length};
 
 /// Share of the shortest wavelength between points of the grid.
-const SPACING: f64 = 1.0 / 16.0;
-/// A grid of more points than this is refused: at L1 a sphere of about 13 m.
+const SPACING: f64 = 1.0 / 8.0;
+/// A grid of more points than this is refused: at L1 a sphere of about 30 m.
 const MAX_POINTS: f64 = 2e7;
 /// Newton steps for the baseline of one vector.
 const MAX_STEPS: usize = 50;
@@ -70,13 +78,14 @@ pub fn all_within(
     length: Length,
     max_cost: f64,
 ) -> Result<Vec<SphereCandidate>, AmbiguityError> {
-    let weight = checked_weight(model, length)?;
+    let factor = checked_factor(model, length)?;
+    let weight = factor.inverse();
     let mut best_start: BTreeMap<Vec<i64>, (f64, Vector3<f64>)> = BTreeMap::new();
-    let grid = Grid::new(model, length, max_cost)?;
-    let mut ranges = Vec::with_capacity(model.phases_m.len());
-    grid.for_each_point(|point| {
-        if grid.integer_ranges(model, point, &mut ranges) {
-            for_each_vector(&ranges, |integers| {
+    let mut branch = Branch::default();
+    for shell in shells(model, length, max_cost)? {
+        let tree = Tree::new(model, &factor, shell.max_cost, shell.reach_m());
+        shell.for_each_point(|point| {
+            tree.for_each_vector(point, &mut branch, |integers| {
                 let cost = Objective { model, weight: &weight, length, integers }.value(point);
                 match best_start.get_mut(integers) {
                     Some(start) if start.0 <= cost => {}
@@ -86,8 +95,8 @@ pub fn all_within(
                     }
                 }
             });
-        }
-    });
+        });
+    }
     let mut found: Vec<SphereCandidate> = best_start
         .into_iter()
         .map(|(integers, (_, start))| {
@@ -101,8 +110,11 @@ pub fn all_within(
     Ok(found)
 }
 
-/// `Q_φ⁻¹`, after a check of everything.
-fn checked_weight(model: &PhaseModel, length: Length) -> Result<DMatrix<f64>, AmbiguityError> {
+/// `Q_φ`, factored, after a check of everything.
+fn checked_factor(
+    model: &PhaseModel,
+    length: Length,
+) -> Result<Cholesky<f64, Dyn>, AmbiguityError> {
     length.check()?;
     let n = model.phases_m.len();
     if n == 0 {
@@ -129,40 +141,51 @@ fn checked_weight(model: &PhaseModel, length: Length) -> Result<DMatrix<f64>, Am
     if let Some(value) = rest.copied().find(|value| !value.is_finite()) {
         return Err(AmbiguityError::OutOfRange { what: "the phase model", value });
     }
-    let factor = model.covariance_m2.clone().cholesky().ok_or_else(|| {
+    model.covariance_m2.clone().cholesky().ok_or_else(|| {
         let variance = model.covariance_m2.diagonal().min();
         AmbiguityError::NotPositiveDefinite { index: 0, variance }
-    })?;
-    Ok(factor.inverse())
+    })
 }
 
-/// Rings of points on the sphere, and how far a phase may be from what a point predicts.
-struct Grid {
+/// Rings of points on a sphere.
+struct Shell {
+    /// `r`, m.
     radius_m: f64,
     rings: u32,
-    /// `√c σᵢ + |gᵢ| ε`, m.
-    tolerances_m: Vec<f64>,
+    /// `h`, m.
+    half_thickness_m: f64,
+    /// `c'`.
+    max_cost: f64,
 }
 
-impl Grid {
-    fn new(model: &PhaseModel, length: Length, max_cost: f64) -> Result<Self, AmbiguityError> {
-        let spacing_m = SPACING * model.wavelengths_m.min();
-        let rings = (std::f64::consts::PI * length.length_m / spacing_m).ceil().max(2.0);
-        let points = 4.0 * rings * rings / std::f64::consts::PI;
-        if points > MAX_POINTS {
-            return Err(AmbiguityError::BudgetExceeded { nodes: whole_count(points) });
-        }
-        let rings = u32::try_from(whole_count(rings)).unwrap_or(u32::MAX);
-        let deviations = max_cost.max(0.0).sqrt();
-        let angle = std::f64::consts::PI / f64::from(rings);
-        let reach_m = length.length_m * angle + deviations * length.sd_m.max(LEAST_LENGTH_SD_M);
-        let tolerances_m = (0..model.phases_m.len())
-            .map(|i| {
-                let sigma_m = model.covariance_m2[(i, i)].sqrt();
-                deviations * sigma_m + model.design.row(i).norm() * reach_m
-            })
-            .collect();
-        Ok(Self { radius_m: length.length_m, rings, tolerances_m })
+/// Shells that hold every baseline whose length alone costs no more than `max_cost`.
+fn shells(model: &PhaseModel, length: Length, max_cost: f64) -> Result<Vec<Shell>, AmbiguityError> {
+    let spacing_m = SPACING * model.wavelengths_m.min();
+    let sd_m = length.sd_m.max(LEAST_LENGTH_SD_M);
+    let stretch_m = max_cost.max(0.0).sqrt() * sd_m;
+    let (shortest_m, longest_m) =
+        ((length.length_m - stretch_m).max(0.0), length.length_m + stretch_m);
+    let count = ((longest_m - shortest_m) / spacing_m).ceil().max(1.0);
+    let rings = (std::f64::consts::PI * longest_m / spacing_m).ceil().max(2.0);
+    let points = 4.0 * rings * rings / std::f64::consts::PI * count;
+    if points > MAX_POINTS {
+        return Err(AmbiguityError::BudgetExceeded { nodes: whole_count(points) });
+    }
+    let rings = u32::try_from(whole_count(rings)).unwrap_or(u32::MAX);
+    let half_thickness_m = (longest_m - shortest_m) / (2.0 * count);
+    let shell = |number: usize| {
+        let radius_m = shortest_m + (2 * number + 1) as f64 * half_thickness_m;
+        let least_off_m = ((radius_m - length.length_m).abs() - half_thickness_m).max(0.0);
+        let max_cost = max_cost - (least_off_m / sd_m).powi(2);
+        Shell { radius_m, rings, half_thickness_m, max_cost }
+    };
+    Ok((0..whole_count(count)).map(shell).collect())
+}
+
+impl Shell {
+    /// `ε`, m.
+    fn reach_m(&self) -> f64 {
+        self.radius_m * std::f64::consts::PI / f64::from(self.rings) + self.half_thickness_m
     }
 
     /// Points at most `δ = π / rings` apart along each ring, rings at most `δ` apart.
@@ -179,28 +202,118 @@ impl Grid {
             }
         }
     }
+}
 
-    /// First and last integer that each phase allows at a point; false if one allows none.
-    fn integer_ranges(
+/// The integers of one point, one phase after the other.
+struct Tree<'a> {
+    model: &'a PhaseModel,
+    /// `L`, `n × n`.
+    lower: DMatrix<f64>,
+    /// What the prior alone may misfit by at a point, and the first `k + 1` phases with it.
+    prior_limit: f64,
+    limits: Vec<f64>,
+}
+
+/// The way down to one vector; keeps its memory from point to point.
+#[derive(Default)]
+struct Branch {
+    integers: Vec<i64>,
+    /// Last integer to try on each level.
+    last: Vec<i64>,
+    /// `φᵢ − gᵢᵀ b' − Σ Lᵢⱼ uⱼ (j < i)` with `λᵢ zᵢ` still in it, m.
+    rest_m: Vec<f64>,
+    /// `uᵢ`.
+    whitened: Vec<f64>,
+    /// Misfit with the integers above this level.
+    misfit: Vec<f64>,
+}
+
+impl<'a> Tree<'a> {
+    fn new(
+        model: &'a PhaseModel,
+        factor: &Cholesky<f64, Dyn>,
+        max_cost: f64,
+        reach_m: f64,
+    ) -> Self {
+        let lower = factor.l();
+        let mut whitened = model.design.clone();
+        factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
+        let mut information = model.prior_information;
+        let limit = |information: &Matrix3<f64>| {
+            let stretch = information.symmetric_eigenvalues().max().max(0.0).sqrt();
+            (max_cost.max(0.0).sqrt() + reach_m * stretch).powi(2)
+        };
+        let prior_limit = limit(&information);
+        let limits = (0..lower.nrows())
+            .map(|k| {
+                let row = Vector3::new(whitened[(k, 0)], whitened[(k, 1)], whitened[(k, 2)]);
+                information += row * row.transpose();
+                limit(&information)
+            })
+            .collect();
+        Self { model, lower, prior_limit, limits }
+    }
+
+    /// All vectors that keep to the limits at `point`.
+    fn for_each_vector(
         &self,
-        model: &PhaseModel,
         point: &Vector3<f64>,
-        ranges: &mut Vec<(i64, i64)>,
-    ) -> bool {
-        ranges.clear();
-        for i in 0..model.phases_m.len() {
-            let predicted_m = model.design[(i, 0)] * point.x
-                + model.design[(i, 1)] * point.y
-                + model.design[(i, 2)] * point.z;
-            let rest_m = model.phases_m[i] - predicted_m;
-            let first = whole((rest_m - self.tolerances_m[i]) / model.wavelengths_m[i], f64::ceil);
-            let last = whole((rest_m + self.tolerances_m[i]) / model.wavelengths_m[i], f64::floor);
-            if first > last {
-                return false;
-            }
-            ranges.push((first, last));
+        branch: &mut Branch,
+        mut visit: impl FnMut(&[i64]),
+    ) {
+        let n = self.limits.len();
+        let from_prior = point - self.model.prior_m;
+        let prior_misfit = from_prior.dot(&(self.model.prior_information * from_prior));
+        if prior_misfit > self.prior_limit {
+            return;
         }
-        true
+        branch.integers.resize(n, 0);
+        branch.last.resize(n, 0);
+        branch.rest_m.resize(n, 0.0);
+        branch.whitened.resize(n, 0.0);
+        branch.misfit.resize(n + 1, 0.0);
+        branch.misfit[0] = prior_misfit;
+        self.enter(0, point, branch);
+        let mut level = 0;
+        loop {
+            if branch.integers[level] > branch.last[level] {
+                if level == 0 {
+                    return;
+                }
+                level -= 1;
+                branch.integers[level] += 1;
+                continue;
+            }
+            let cycles_m = self.model.wavelengths_m[level] * branch.integers[level] as f64;
+            let u = (branch.rest_m[level] - cycles_m) / self.lower[(level, level)];
+            branch.whitened[level] = u;
+            branch.misfit[level + 1] = branch.misfit[level] + u * u;
+            if level + 1 == n {
+                visit(&branch.integers);
+                branch.integers[level] += 1;
+            } else {
+                level += 1;
+                self.enter(level, point, branch);
+            }
+        }
+    }
+
+    /// The integers to try on a level, those above it being chosen.
+    fn enter(&self, level: usize, point: &Vector3<f64>, branch: &mut Branch) {
+        let design = &self.model.design;
+        let mut rest_m = self.model.phases_m[level]
+            - design[(level, 0)] * point.x
+            - design[(level, 1)] * point.y
+            - design[(level, 2)] * point.z;
+        for (j, u) in branch.whitened[..level].iter().enumerate() {
+            rest_m -= self.lower[(level, j)] * u;
+        }
+        let left = (self.limits[level] - branch.misfit[level]).max(0.0);
+        let within_m = self.lower[(level, level)] * left.sqrt();
+        let wavelength_m = self.model.wavelengths_m[level];
+        branch.rest_m[level] = rest_m;
+        branch.integers[level] = whole((rest_m - within_m) / wavelength_m, f64::ceil);
+        branch.last[level] = whole((rest_m + within_m) / wavelength_m, f64::floor);
     }
 }
 
@@ -212,19 +325,6 @@ fn whole(cycles: f64, round: fn(f64) -> f64) -> i64 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count; saturates")]
 fn whole_count(count: f64) -> usize {
     count as usize
-}
-
-/// All vectors with each integer in its range.
-fn for_each_vector(ranges: &[(i64, i64)], mut visit: impl FnMut(&[i64])) {
-    let mut integers: Vec<i64> = ranges.iter().map(|range| range.0).collect();
-    loop {
-        visit(&integers);
-        let Some(i) = (0..ranges.len()).find(|&i| integers[i] < ranges[i].1) else { return };
-        integers[i] += 1;
-        for (integer, range) in integers[..i].iter_mut().zip(ranges) {
-            *integer = range.0;
-        }
-    }
 }
 
 /// The cost of one integer vector as a function of the baseline.

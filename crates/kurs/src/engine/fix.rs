@@ -15,9 +15,10 @@ use crate::baseline::Baselines;
 use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
 use crate::solution::Reason;
+use crate::time::GpsTime;
 
 use super::locate::CommonFrame;
-use super::noise_scale::NoiseScale;
+use super::noise_scale::{Independence, NoiseScale};
 use super::settings::{Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
@@ -31,13 +32,15 @@ const ARRAY_NODES: usize = 20_000;
 const ARRAY_HORIZON: f64 = 30.0;
 /// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
 /// never more than this, because multipath changes from satellite to satellite and with time.
-const MAX_PRIOR_FREEDOM: f64 = 30.0;
-/// Code multipath is neither white nor Gaussian: the probability of the rivals, which is computed as
-/// if it were, must stay below this share of the allowed rate (measured on recordings of one band).
-const MARGIN: f64 = 0.3;
+const MAX_PRIOR_FREEDOM: f64 = 100.0;
 /// Integers that beat all others by this ratio teach the phase noise, even while the noise level is
 /// too uncertain to accept them.
 const CLEAR_RATIO: f64 = 3.0;
+/// Models that are right more often than this choose no integers by chance.
+const STRONG_MODEL: f64 = 0.999;
+/// Baselines that stay less certain than this, although the integers are known, have a geometry so
+/// poor that other integers fit as well, m.
+const MAX_FIXED_SD_M: f64 = 0.3;
 /// A fix whose phase residuals are this many times larger than their weights say is no fix.
 const MAX_UNIT_WEIGHT: f64 = 4.0;
 /// A length that is off by more than this many standard deviations breaks the known geometry.
@@ -52,6 +55,13 @@ pub(super) enum Verdict {
     Float(Reason),
     /// Sure, but against what is known: refused.
     Refused(Reason),
+}
+
+impl Verdict {
+    /// Whether the integers are sure, so that the baselines may be laid against the known array.
+    pub(super) fn is_sure(self) -> bool {
+        matches!(self, Self::Fixed | Self::Refused(Reason::Length))
+    }
 }
 
 /// Baselines of the epoch with what is known of their integers.
@@ -91,6 +101,9 @@ pub(super) struct Fixer {
     array: ArrayConstrained,
     code: NoiseScale,
     phase: NoiseScale,
+    independence: Independence,
+    /// Of the epoch, beside those before.
+    weight: f64,
 }
 
 impl Default for Fixer {
@@ -104,6 +117,8 @@ impl Default for Fixer {
             array,
             code: NoiseScale::default(),
             phase: NoiseScale::default(),
+            independence: Independence::default(),
+            weight: 1.0,
         }
     }
 }
@@ -115,10 +130,12 @@ impl Fixer {
         links: &[Link],
         groups: &[Range<usize>],
         frame: &CommonFrame,
+        time: GpsTime,
     ) -> Result<FloatSolution, NoFloat> {
+        self.weight = self.independence.weight(time);
         let rovers: Vec<usize> = frame.rovers().collect();
         FloatSolution::solve(links, groups, frame.reference, &rovers, |code_fit| {
-            self.code.learn(code_fit, 1.0);
+            self.code.learn(code_fit, 1.0, self.weight);
             self.factors()
         })
     }
@@ -152,10 +169,13 @@ impl Fixer {
             Ok(found) => {
                 let fit = outcome.judge(&found, float, frame, settings);
                 // The residual test may refuse just because the level is not known yet.
-                if found.rivals <= MARGIN * settings.max_wrong_fix_rate
-                    || found.ratio >= CLEAR_RATIO
-                {
-                    self.phase.learn(fit, self.phase.variance_factor());
+                if found.rivals <= settings.max_wrong_fix_rate || found.ratio >= CLEAR_RATIO {
+                    let applied = self.phase.variance_factor();
+                    if found.success_rate > STRONG_MODEL {
+                        self.phase.learn(fit, applied, self.weight);
+                    } else {
+                        self.phase.learn_from_chosen(fit, applied, self.weight);
+                    }
                 }
             }
             Err(reason) => outcome.verdict = Verdict::Float(reason),
@@ -218,7 +238,7 @@ impl Fixer {
         float: &FloatSolution,
         settings: &Settings,
     ) -> Result<Found, Reason> {
-        let sure = |found: &Found| found.rivals <= MARGIN * settings.max_wrong_fix_rate;
+        let sure = |found: &Found| found.rivals <= settings.max_wrong_fix_rate;
         self.without_constraint(float).ok().filter(sure).ok_or(reason)
     }
 
@@ -385,7 +405,11 @@ impl Outcome {
             return Fit::default();
         };
         self.residual_rms_m = Some(conditional.residual_rms_m);
-        if found.rivals > MARGIN * settings.max_wrong_fix_rate {
+        if conditional.covariance_m2.diagonal().max().sqrt() > MAX_FIXED_SD_M {
+            self.verdict = Verdict::Float(Reason::WeakModel);
+            return Fit::default();
+        }
+        if found.rivals > settings.max_wrong_fix_rate {
             self.verdict = Verdict::Float(Reason::Ratio);
             return conditional.phase_fit;
         }

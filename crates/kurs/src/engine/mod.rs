@@ -1,8 +1,8 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
 mod fix;
-mod geometry_doubt;
 mod locate;
+mod misfit;
 mod noise_scale;
 mod orientation;
 mod settings;
@@ -21,11 +21,11 @@ use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
+use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
 use fix::{Fixer, Verdict};
-use geometry_doubt::GeometryDoubt;
 use locate::{Located, locate};
+use misfit::MeanMisfit;
 use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
@@ -39,7 +39,7 @@ pub struct Engine {
     /// stands alone.
     carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
-    geometry_doubt: GeometryDoubt,
+    mean_misfit: MeanMisfit,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
@@ -68,7 +68,7 @@ impl Engine {
             located: Vec::new(),
             links: Vec::new(),
             fixer: Fixer::default(),
-            geometry_doubt: GeometryDoubt::default(),
+            mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
             station: None,
@@ -176,10 +176,11 @@ impl Engine {
         let groups = difference::group(&mut self.links);
         row.shared_satellites = locate::shared_satellites(&self.links);
 
-        let float =
-            self.fixer.float(&self.links, &groups, &frame).map_err(|error| match error {
+        let float = self.fixer.float(&self.links, &groups, &frame, epoch.time).map_err(
+            |error| match error {
                 NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites => Reason::FewSatellites,
-            })?;
+            },
+        )?;
         let float = self.carry(float, &frame, epoch.time);
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
@@ -206,10 +207,12 @@ impl Engine {
             self.settings.array.as_ref(),
             self.settings.array_sd_m,
         );
-        let (status, reason) = judge(outcome.verdict, &orientation, &self.settings);
-        (row.status, row.reason) = self.geometry_doubt.judge(status, reason);
+        if let (Some(misfit), true) = (&orientation.misfit, outcome.verdict.is_sure()) {
+            self.mean_misfit.take(misfit, epoch.time);
+        }
+        (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
-        row.attitude = orientation.ok();
+        row.attitude = orientation.attitude.ok();
         self.remember_axes(row);
         self.place_body(&outcome.baselines, row);
         Ok(())
@@ -274,24 +277,28 @@ impl Engine {
         position.position_m = at(crate::frames::Vector::new(0.0, 0.0, 0.0));
         position.geodetic = Geodetic::from_ecef(position.position_m);
     }
-}
 
-/// Status of the epoch from what the integers and the orientation say.
-fn judge(
-    verdict: Verdict,
-    orientation: &Result<crate::solution::AttitudeEstimate, Reason>,
-    settings: &Settings,
-) -> (Status, Option<Reason>) {
-    match (verdict, orientation) {
-        (Verdict::Float(reason), _) => (Status::Float, Some(reason)),
-        (Verdict::Refused(reason), _) => (Status::Inconsistent, Some(reason)),
-        (Verdict::Fixed, Err(reason)) => (Status::Inconsistent, Some(*reason)),
-        (Verdict::Fixed, Ok(attitude)) => {
-            let tilted = [attitude.pitch_rad, attitude.roll_rad]
-                .into_iter()
-                .flatten()
-                .any(|angle| angle.abs() > settings.max_tilt_rad);
-            if tilted { (Status::Inconsistent, Some(Reason::Tilt)) } else { (Status::Fixed, None) }
+    /// Status of the epoch from what the integers, the orientation and the epochs before say.
+    fn judge(
+        &self,
+        verdict: Verdict,
+        attitude: &Result<AttitudeEstimate, Reason>,
+    ) -> (Status, Option<Reason>) {
+        let tilted = |attitude: &AttitudeEstimate| {
+            let mut angles_rad = [attitude.pitch_rad, attitude.roll_rad].into_iter().flatten();
+            angles_rad.any(|angle_rad| angle_rad.abs() > self.settings.max_tilt_rad)
+        };
+        match (verdict, attitude) {
+            (Verdict::Float(reason), _) => (Status::Float, Some(reason)),
+            (Verdict::Refused(reason), _) => (Status::Inconsistent, Some(reason)),
+            (Verdict::Fixed, Err(reason)) => (Status::Inconsistent, Some(*reason)),
+            (Verdict::Fixed, Ok(attitude)) if tilted(attitude) => {
+                (Status::Inconsistent, Some(Reason::Tilt))
+            }
+            (Verdict::Fixed, Ok(_)) if self.mean_misfit.is_improbable() => {
+                (Status::Inconsistent, Some(Reason::Geometry))
+            }
+            (Verdict::Fixed, Ok(_)) => (Status::Fixed, None),
         }
     }
 }

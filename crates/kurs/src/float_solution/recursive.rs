@@ -39,7 +39,7 @@ use super::information::Information;
 use super::{FloatSolution, Memory, Phases};
 
 /// Correlation time of multipath, s: 0.96 from one second to the next, measured on roofs.
-const CORRELATION_S: f64 = 25.0;
+pub(crate) const CORRELATION_S: f64 = 25.0;
 /// Time in which the memory fades to 1/e, s.
 const FADING_S: f64 = 300.0;
 /// A phase that departs from its prediction by more standard deviations than this …

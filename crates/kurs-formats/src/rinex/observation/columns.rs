@@ -22,8 +22,8 @@ pub(super) struct Column {
     /// Index in [`Columns::signals`].
     pub(super) signal: usize,
     pub(super) quantity: Quantity,
-    /// What the file multiplied the number with.
-    pub(super) factor: f64,
+    /// What the thousandths in the file are divided by: 1000, times the scale factor of the file.
+    pub(super) divisor: f64,
 }
 
 /// The columns of one system's observation records.
@@ -49,8 +49,8 @@ impl Columns {
                 Some((quantity, signal)) => (quantity, columns.signal_index(signal)),
                 None => (Quantity::Other, 0),
             };
-            let factor = header.scale_factor(system, code);
-            columns.columns.push(Column { signal, quantity, factor });
+            let divisor = 1000.0 * header.scale_factor(system, code);
+            columns.columns.push(Column { signal, quantity, divisor });
         }
         columns
     }

@@ -1,8 +1,11 @@
-//! Compact RINEX (CRINEX 1 for RINEX 2, CRINEX 3 for RINEX 3 and 4), expanded epoch by epoch.
+//! Compact RINEX (CRINEX 1 for RINEX 2, CRINEX 3 for RINEX 3 and 4), decoded epoch by epoch.
 //!
 //! Numbers are written as differences in time, up to a stated order, and texts by the characters
 //! that changed. Source: Y. Hatanaka, A Compression Format and Tools for GNSS Observation Data,
 //! Bulletin of the Geographical Survey Institute 55 (2008) 21-30.
+//!
+//! Header, epoch lines and events are given out as lines of RINEX; the observations are not written
+//! out, but added up as the thousandths that they are.
 //!
 //! Differences carry damage on, so an epoch is given out only when the line behind it is where the
 //! next epoch begins. Otherwise everything up to the next epoch that is written in full is dropped.
@@ -11,10 +14,11 @@ use core::ops::Range;
 
 use kurs::signal::{Satellite, System};
 
-use super::epoch_line::{EpochFlag, EpochLine};
+use super::epoch_line::EpochLine;
+use super::fields::{Field, digit};
 use super::header::{HeaderRecords, ObservationHeader, TimeSystem, Version, satellite};
 use crate::damage::DamageLog;
-use crate::rinex::fields::{columns, label};
+use crate::rinex::fields::{Damaged, label};
 use crate::source::{ReadError, Source};
 
 /// Highest order of differences that one digit can state.
@@ -23,8 +27,15 @@ const ORDER_MAX: usize = 9;
 const NUMBERS: usize = 100;
 /// Lines of an event that are kept: its count has three digits.
 const EVENT_LINES_MAX: usize = 1000;
+/// Columns of an epoch line in front of the names of the satellites, in RINEX 2 and from 3 on.
+const EPOCH_COLUMNS: [usize; 2] = [32, 41];
+/// The numbers that fit the columns of an observation, in thousandths.
+const F14_3: Range<i64> = -999_999_999_999..10_000_000_000_000;
+/// The same of a receiver clock offset in RINEX 2, and from 3 on.
+const F12_9: Range<i64> = -9_999_999_999..100_000_000_000;
+const F15_12: Range<i64> = -9_999_999_999_999..100_000_000_000_000;
 
-/// The expanded lines of a compact file.
+/// The lines of a compact file that are none of a satellite, and what the others mean.
 #[derive(Debug)]
 pub(super) struct CompactLines {
     source: Source,
@@ -38,16 +49,25 @@ pub(super) struct CompactLines {
     epoch_known: bool,
     epoch_count: u64,
     clock: Arc,
+    clock_offset_s: Option<f64>,
     /// By system and number.
     satellites: Vec<SatelliteState>,
     names: Vec<Satellite>,
+    rows: Vec<Row>,
     block: Block,
     /// An epoch was dropped before the block, or behind it.
     lost: bool,
     lost_behind: bool,
 }
 
-/// The text of one expanded epoch.
+/// A satellite of the epoch, and its line in the file.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    pub(super) satellite: Satellite,
+    pub(super) line_number: u64,
+}
+
+/// The line of one epoch, or the lines of one event.
 #[derive(Debug, Default)]
 struct Block {
     text: Vec<u8>,
@@ -69,50 +89,68 @@ struct SatelliteState {
 /// A number that is written by its differences.
 #[derive(Debug, Clone, Copy, Default)]
 struct Arc {
-    /// `None` while there is no number to be different from.
-    order: Option<usize>,
+    /// What the last field means.
+    number: Number,
+    order: usize,
     level: usize,
     differences: [i64; ORDER_MAX + 1],
 }
 
+/// What a field of an arc means.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Number {
+    /// The field is empty, and the arc ends.
+    #[default]
+    Blank,
+    /// The difference of order zero.
+    Known,
+    /// Neither a beginning nor a difference to anything: the arc is lost until it begins anew.
+    Lost,
+}
+
 impl Arc {
-    /// The number that a field means: `order&number` begins an arc, a bare number is a difference.
-    /// `Err` if the field is neither; then the arc is lost, as it is when the field is empty.
-    fn take(&mut self, field: &[u8]) -> Result<Option<i64>, ()> {
-        let begun = match *field {
-            [] => None,
+    /// Takes the next field: `order&number` begins an arc, a bare number is a difference. A number
+    /// outside of the `limits` of its columns in RINEX is none.
+    fn take(&mut self, field: &[u8], limits: &Range<i64>) {
+        let difference = match *field {
+            [] => {
+                self.number = Number::Blank;
+                return;
+            }
             [order @ b'0'..=b'9', b'&', ref number @ ..] => {
-                self.level = 0;
-                self.order = Some(usize::from(order - b'0'));
+                (self.order, self.level) = (usize::from(order - b'0'), 0);
                 signed(number)
             }
-            ref difference if self.order.is_some() => signed(difference),
-            _ => None,
+            ref difference => {
+                // The order grows to its limit as the arc goes on.
+                self.level = self.order.min(self.level + 1);
+                signed(difference).filter(|_| self.number == Number::Known)
+            }
         };
-        let (Some(number), Some(order)) = (begun, self.order) else {
-            self.order = None;
-            return if field.is_empty() { Ok(None) } else { Err(()) };
-        };
-        // Δᵏy(t) = Δᵏ⁻¹y(t) − Δᵏ⁻¹y(t−1); the order grows to its limit as the arc goes on.
-        let begins = field.get(1) == Some(&b'&');
-        if !begins && self.level < order {
-            self.level += 1;
+        // Δᵏ⁻¹y(t) = Δᵏ⁻¹y(t−1) + Δᵏy(t), from the highest order down to y itself
+        self.differences[self.level] = difference.unwrap_or_default();
+        for k in (1..=self.level).rev() {
+            self.differences[k - 1] = self.differences[k - 1].wrapping_add(self.differences[k]);
         }
-        self.differences[self.level] = number;
-        for level in (0..self.level).rev() {
-            self.differences[level] =
-                self.differences[level].wrapping_add(self.differences[level + 1]);
+        let known = difference.is_some() && limits.contains(&self.differences[0]);
+        self.number = if known { Number::Known } else { Number::Lost };
+    }
+
+    fn value(&self) -> Result<Option<i64>, Damaged> {
+        match self.number {
+            Number::Blank => Ok(None),
+            Number::Known => Ok(Some(self.differences[0])),
+            Number::Lost => Err(Damaged),
         }
-        Ok(Some(self.differences[0]))
     }
 }
 
 impl CompactLines {
     /// Takes over at the first line of the RINEX header, behind the two of the compact one.
-    pub(super) fn new(source: Source, compact_version: u8) -> Self {
+    pub(super) fn new(source: Source, compact_version: u8, system: Option<System>) -> Self {
         // CRINEX 1 has the columns of RINEX 2 and CRINEX 3 those of RINEX 3, also for RINEX 4.
         let version = Version { major: if compact_version < 3 { 2 } else { 3 }, minor: 0 };
-        let header = ObservationHeader { version, ..ObservationHeader::default() };
+        let header = ObservationHeader::new(version, system);
         Self {
             source,
             header,
@@ -122,8 +160,10 @@ impl CompactLines {
             epoch_known: false,
             epoch_count: 0,
             clock: Arc::default(),
+            clock_offset_s: None,
             satellites: vec![SatelliteState::default(); System::ALL.len() * NUMBERS],
             names: Vec::new(),
+            rows: Vec::new(),
             block: Block::default(),
             lost: false,
             lost_behind: false,
@@ -137,6 +177,25 @@ impl CompactLines {
 
     pub(super) const fn source(&self) -> &Source {
         &self.source
+    }
+
+    /// The satellites behind the epoch line under the cursor, in the order of the file.
+    pub(super) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The receiver clock offset of that epoch, s.
+    pub(super) const fn clock_offset_s(&self) -> Option<f64> {
+        self.clock_offset_s
+    }
+
+    /// What column `index` of a satellite says in that epoch.
+    pub(super) fn field(&self, satellite: Satellite, index: usize) -> Result<Field, Damaged> {
+        let state = &self.satellites[place(satellite)];
+        let digit_at = |at: usize| state.digits.get(at).map_or(Ok(0), |byte| digit(*byte));
+        let (indicator, _strength) = (digit_at(2 * index)?, digit_at(2 * index + 1)?);
+        let thousandths = state.arcs.get(index).map_or(Ok(None), Arc::value)?;
+        Ok(Field { thousandths, indicator })
     }
 
     pub(super) fn line(&self) -> &[u8] {
@@ -172,7 +231,7 @@ impl CompactLines {
         }
         self.in_header = false;
         while self.block.next == self.block.lines.len() {
-            if !self.expand_epoch(damage)? {
+            if !self.decode_epoch(damage)? {
                 return Ok(false);
             }
         }
@@ -188,9 +247,10 @@ impl CompactLines {
         }
     }
 
-    /// Expands the next epoch or event into the block; the block stays empty where one is dropped.
-    fn expand_epoch(&mut self, damage: &mut DamageLog) -> Result<bool, ReadError> {
+    /// Decodes the next epoch or event; the block stays empty where one is dropped.
+    fn decode_epoch(&mut self, damage: &mut DamageLog) -> Result<bool, ReadError> {
         self.block.clear();
+        self.rows.clear();
         self.lost |= core::mem::take(&mut self.lost_behind);
         if !self.epoch_known && !self.source.advance()? {
             return Ok(false);
@@ -201,7 +261,7 @@ impl CompactLines {
             return Ok(true);
         }
         let Some(epoch) = self.epoch_line() else { return Ok(true) };
-        if !matches!(epoch.flag, EpochFlag::Observations | EpochFlag::AfterPowerFailure) {
+        if !epoch.flag.has_observations() {
             self.pass_event()?;
             return Ok(true);
         }
@@ -209,19 +269,32 @@ impl CompactLines {
             damage.note(first, "the file ends inside an epoch");
             return Ok(true);
         }
-        let clock = self.clock.take(self.source.line().trim_ascii());
-        if clock.is_err() {
-            damage.note(self.source.line_number(), "not a receiver clock offset, skipped");
-        }
-        self.write_epoch_line(clock.unwrap_or_default(), first);
-        if self.expand_satellites(first, damage)? {
+        self.decode_clock_offset(damage);
+        let epoch_columns = self.epoch_columns().min(self.epoch_text.len());
+        self.block.text.extend_from_slice(&self.epoch_text[..epoch_columns]);
+        self.block.end_line(first);
+        if self.decode_satellites(first, damage)? {
             self.know_next_epoch(damage)?;
         }
         Ok(true)
     }
 
-    /// Expands the line of every satellite; `false` if there are not as many.
-    fn expand_satellites(&mut self, first: u64, damage: &mut DamageLog) -> Result<bool, ReadError> {
+    /// The line behind the epoch line, in units of the last decimal that RINEX has (F12.9, F15.12).
+    fn decode_clock_offset(&mut self, damage: &mut DamageLog) {
+        let (limits, units_a_second) = match self.header.version.major {
+            ..3 => (F12_9, 1e9),
+            _ => (F15_12, 1e12),
+        };
+        self.clock.take(self.source.line().trim_ascii(), &limits);
+        let units = self.clock.value().unwrap_or_else(|Damaged| {
+            damage.note(self.source.line_number(), "not a receiver clock offset, skipped");
+            None
+        });
+        self.clock_offset_s = units.map(|units| units as f64 / units_a_second);
+    }
+
+    /// Decodes the line of every satellite; `false` if there are not as many.
+    fn decode_satellites(&mut self, first: u64, damage: &mut DamageLog) -> Result<bool, ReadError> {
         for index in 0..self.names.len() {
             if !self.source.advance()? {
                 // A file that was cut ends in a line; here one may be missing before.
@@ -240,9 +313,38 @@ impl CompactLines {
                 damage.note(first, "the epoch has fewer lines than satellites, dropped");
                 return Ok(false);
             }
-            self.expand_satellite(self.names[index], damage);
+            self.decode_satellite(self.names[index], damage);
         }
         Ok(true)
+    }
+
+    /// The observations of one satellite: numbers, each followed by a blank, then changed digits.
+    fn decode_satellite(&mut self, satellite: Satellite, damage: &mut DamageLog) {
+        let line_number = self.source.line_number();
+        let types = self.header.observation_types.get(&satellite.system);
+        let count = types.map_or(0, Vec::len);
+        let state = &mut self.satellites[place(satellite)];
+        if state.epoch == self.epoch_count {
+            // Whose line is which, nobody can tell.
+            *state = SatelliteState { epoch: self.epoch_count, ..SatelliteState::default() };
+            self.rows.retain(|row| row.satellite != satellite);
+            self.lost_behind = true;
+            damage.note_with(line_number, || {
+                format!("{satellite} comes twice in one epoch, skipped").into()
+            });
+            return;
+        }
+        state.begin_epoch(self.epoch_count, count);
+        let mut rest = self.source.line();
+        for arc in &mut state.arcs {
+            let end = rest.iter().position(|byte| *byte == b' ').unwrap_or(rest.len());
+            let (field, behind) = rest.split_at(end);
+            rest = behind.get(1..).unwrap_or_default();
+            arc.take(field, &F14_3);
+        }
+        apply_changes(&mut state.digits, rest);
+        state.digits.truncate(2 * count);
+        self.rows.push(Row { satellite, line_number });
     }
 
     /// Looks whether the next epoch begins behind this one. If not, and the lines may have belonged
@@ -307,13 +409,17 @@ impl CompactLines {
     /// The satellites behind the epoch line; `false` if they are not as many as it says.
     fn take_names(&mut self, epoch: &EpochLine) -> bool {
         self.names.clear();
-        if !matches!(epoch.flag, EpochFlag::Observations | EpochFlag::AfterPowerFailure) {
+        if !epoch.flag.has_observations() {
             return true;
         }
-        let start = if self.header.version.major < 3 { 32 } else { 41 };
-        let list = self.epoch_text.get(start..).unwrap_or_default().trim_ascii_end();
+        let system = self.header.default_system().letter() as u8;
+        let list = self.epoch_text.get(self.epoch_columns()..).unwrap_or_default().trim_ascii_end();
         for name in list.chunks(3) {
-            let Some(satellite) = satellite_2_or_3(name) else { return false };
+            let named = match name {
+                [b' ', tens, units] => satellite(&[system, *tens, *units]),
+                name => satellite(name),
+            };
+            let Some(satellite) = named else { return false };
             self.names.push(satellite);
         }
         self.names.len() == epoch.count
@@ -359,85 +465,8 @@ impl CompactLines {
         Ok(())
     }
 
-    /// The epoch line as RINEX has it, with the clock offset in its columns.
-    fn write_epoch_line(&mut self, clock: Option<i64>, line_number: u64) {
-        let block = &mut self.block;
-        if self.header.version.major >= 3 {
-            block.text.extend_from_slice(columns(&self.epoch_text, 0..35));
-            if let Some(clock) = clock {
-                block.text.resize(block.line_start() + 41, b' ');
-                write_fixed(&mut block.text, clock, 15, 12);
-            }
-            block.end_line(line_number);
-            return;
-        }
-        // RINEX 2: twelve satellites a line, the clock offset behind those of the first.
-        let names_start = 32.min(self.epoch_text.len());
-        let (epoch, names) = self.epoch_text.split_at(names_start);
-        let mut lists = names.chunks(36);
-        block.text.extend_from_slice(epoch);
-        block.text.extend_from_slice(lists.next().unwrap_or_default());
-        if let Some(clock) = clock {
-            let start = block.line_start();
-            block.text.resize(start + 68, b' ');
-            write_fixed(&mut block.text, clock, 12, 9);
-        }
-        block.end_line(line_number);
-        for list in lists.filter(|list| !list.trim_ascii().is_empty()) {
-            block.text.extend_from_slice(&[b' '; 32]);
-            block.text.extend_from_slice(list);
-            block.end_line(line_number);
-        }
-    }
-
-    /// The observations of one satellite: numbers, each followed by a blank, then changed digits.
-    fn expand_satellite(&mut self, satellite: Satellite, damage: &mut DamageLog) {
-        let (line, line_number) = (self.source.line(), self.source.line_number());
-        let types = self.header.observation_types.get(&satellite.system);
-        let count = types.map_or(0, Vec::len);
-        let version_2 = self.header.version.major < 3;
-        let state = &mut self.satellites
-            [satellite.system as usize * NUMBERS + usize::from(satellite.number)];
-        state.begin_epoch(self.epoch_count, count);
-        let block = &mut self.block;
-        if !version_2 {
-            let (tens, units) = (satellite.number / 10, satellite.number % 10);
-            let letter = satellite.system.letter() as u8;
-            block.text.extend_from_slice(&[letter, b'0' + tens, b'0' + units]);
-        }
-        let start = block.text.len();
-        block.text.resize(start + 16 * count, b' ');
-        let mut rest = line;
-        for (index, arc) in state.arcs.iter_mut().enumerate() {
-            let end = memchr::memchr(b' ', rest).unwrap_or(rest.len());
-            let (field, behind) = rest.split_at(end);
-            rest = behind.get(1..).unwrap_or_default();
-            let at = start + 16 * index;
-            match arc.take(field) {
-                Ok(None) => {}
-                Ok(Some(number)) if (-999_999_999_999..=9_999_999_999_999).contains(&number) => {
-                    write_f14_3(&mut block.text[at..at + 14], number);
-                }
-                _ => {
-                    *arc = Arc::default();
-                    damage.note_with(line_number, || {
-                        format!("{satellite}, column {}: no arc goes on here, skipped", index + 1)
-                            .into()
-                    });
-                }
-            }
-        }
-        apply_changes(&mut state.digits, rest);
-        state.digits.truncate(2 * count);
-        for (index, digits) in state.digits.chunks(2).enumerate() {
-            let at = start + 16 * index + 14;
-            block.text[at..at + digits.len()].copy_from_slice(digits);
-        }
-        if version_2 {
-            block.end_lines_of(5 * 16, line_number);
-        } else {
-            block.end_line(line_number);
-        }
+    const fn epoch_columns(&self) -> usize {
+        EPOCH_COLUMNS[(self.header.version.major >= 3) as usize]
     }
 }
 
@@ -468,16 +497,6 @@ impl Block {
         self.lines.push((self.line_start()..self.text.len(), line_number));
     }
 
-    /// Divides the rest of the text into lines of `width`.
-    fn end_lines_of(&mut self, width: usize, line_number: u64) {
-        let (mut start, end) = (self.line_start(), self.text.len());
-        while start < end {
-            let line_end = (start + width).min(end);
-            self.lines.push((start..line_end, line_number));
-            start = line_end;
-        }
-    }
-
     fn current(&self) -> Option<&(Range<usize>, u64)> {
         self.lines.get(self.next.checked_sub(1)?)
     }
@@ -505,13 +524,9 @@ fn apply_changes(text: &mut Vec<u8>, changes: &[u8]) {
     }
 }
 
-/// A satellite name. Where RINEX 2 leaves out the letter the system does not matter: all systems
-/// have the same columns, and no two have the same name.
-fn satellite_2_or_3(name: &[u8]) -> Option<Satellite> {
-    match name {
-        [b' ', tens, units] => satellite(&[b'G', *tens, *units]),
-        name => satellite(name),
-    }
+/// Where the state of a satellite is kept.
+fn place(satellite: Satellite) -> usize {
+    satellite.system as usize * NUMBERS + usize::from(satellite.number)
 }
 
 /// An integer of up to 18 digits.
@@ -525,31 +540,4 @@ fn signed(field: &[u8]) -> Option<i64> {
     }
     let magnitude = digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0'));
     Some(if negative { -magnitude } else { magnitude })
-}
-
-/// Writes thousandths right-aligned into 14 blanks, which they fit.
-fn write_f14_3(out: &mut [u8], thousandths: i64) {
-    let mut rest = thousandths.unsigned_abs();
-    let mut at = out.len();
-    while rest > 0 || at > 9 {
-        at -= 1;
-        if at == 10 {
-            out[at] = b'.';
-            continue;
-        }
-        out[at] = b'0' + u8::try_from(rest % 10).unwrap_or_default();
-        rest /= 10;
-    }
-    if thousandths < 0 {
-        out[at - 1] = b'-';
-    }
-}
-
-/// Appends a number of `decimals` implied decimals, right-aligned in `width` columns.
-fn write_fixed(out: &mut Vec<u8>, number: i64, width: usize, decimals: usize) {
-    let sign = if number < 0 { "-" } else { "" };
-    let scale = 10_u64.pow(u32::try_from(decimals).unwrap_or_default());
-    let (whole, fraction) = (number.unsigned_abs() / scale, number.unsigned_abs() % scale);
-    let text = format!("{sign}{whole}.{fraction:0decimals$}");
-    out.extend_from_slice(format!("{text:>width$}").as_bytes());
 }

@@ -35,6 +35,13 @@ pub(super) struct EpochLine {
     pub(super) clock_offset_s: Option<f64>,
 }
 
+impl EpochFlag {
+    /// Whether the observations of an epoch follow.
+    pub(super) const fn has_observations(self) -> bool {
+        matches!(self, Self::Observations | Self::AfterPowerFailure)
+    }
+}
+
 impl EpochLine {
     /// Reads the line; `None` if it is anything else, or damaged.
     pub(super) fn parse(line: &[u8], version: Version, scale: TimeSystem) -> Option<Self> {
@@ -105,9 +112,8 @@ impl EpochLine {
         };
         let count = integer_or_blank(columns(line, count_columns))?;
         let time = date.and_then(|date| scale.instant(date));
-        let observations = matches!(flag, EpochFlag::Observations | EpochFlag::AfterPowerFailure);
         let no_date = columns(line, date_columns).trim_ascii().is_empty();
-        if time.is_none() && (observations || !no_date) {
+        if time.is_none() && (flag.has_observations() || !no_date) {
             return None;
         }
         Some(Self { time, flag, count, clock_offset_s })

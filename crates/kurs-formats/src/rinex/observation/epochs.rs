@@ -4,13 +4,16 @@
 //! RINEX 2 the order of the lines alone tells whose they are: where a line is missing or too many,
 //! the epoch is dropped, because its numbers may be those of other satellites.
 
-use kurs::observation::{AntennaEpoch, Lock, Observation};
+use std::borrow::Cow;
+
+use kurs::observation::AntennaEpoch;
 use kurs::signal::{Satellite, System};
 
 use super::columns::Columns;
+use super::compact::Row;
 use super::epoch_line::{EpochFlag, EpochLine};
 use super::events::EventLog;
-use super::fields::{FIELD, Seen, drop_empty, is_observations, read_fields};
+use super::fields::{FIELD, Seen, drop_empty, is_observations, present, put_fields, text_field};
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
 use super::slips::PendingSlips;
@@ -181,12 +184,45 @@ impl EpochReader {
         epoch.clock_offset_s = line.clock_offset_s.filter(|_| !self.header.clock_offset_applied);
         epoch.observations.clear();
         self.satellites.clear();
-        if self.header.version.major < 3 {
+        if line.flag.has_observations() && matches!(self.lines, Lines::Compact(_)) {
+            self.take_decoded(line.count, epoch);
+            Ok(true)
+        } else if self.header.version.major < 3 {
             self.read_satellite_list(line.count)?;
             self.read_satellites_2(epoch)
         } else {
             self.read_satellites_3(line.count, epoch)?;
             Ok(true)
+        }
+    }
+
+    /// A compact file: what the lines of the satellites mean is known already.
+    fn take_decoded(&mut self, count: usize, epoch: &mut AntennaEpoch) {
+        let Lines::Compact(lines) = &self.lines else { return };
+        epoch.clock_offset_s = lines.clock_offset_s().filter(|_| !self.header.clock_offset_applied);
+        for &Row { satellite, line_number } in lines.rows() {
+            self.satellites.push(Some(satellite));
+            let layout = &self.columns[satellite.system as usize];
+            if layout.columns.is_empty() {
+                self.damage.note_with(line_number, || undeclared(satellite));
+                continue;
+            }
+            let base = epoch.observations.len();
+            epoch.observations.extend(layout.blank(satellite));
+            let observations = &mut epoch.observations[base..];
+            let field = |index| lines.field(satellite, index);
+            let (slips, damage) = (&mut self.slips, &mut self.damage);
+            self.field_count +=
+                put_fields(&layout.columns, field, observations, line_number, slips, damage);
+            self.header.apply_wavelength_factors(observations);
+            drop_empty(&mut epoch.observations, base);
+        }
+        let found = lines.rows().len();
+        if found != count {
+            let what = "satellites in the epoch instead of";
+            let line = lines.source().line_number();
+            self.damage.note_with(line, || format!("{found} {what} {count}").into());
+            self.slips.mark_all();
         }
     }
 
@@ -230,8 +266,7 @@ impl EpochReader {
             self.satellites.push(Some(satellite));
             let layout = &self.columns[satellite.system as usize];
             if layout.columns.is_empty() {
-                let what = "no observations of this system in the header, skipped";
-                self.damage.note_with(number, || format!("{satellite}: {what}").into());
+                self.damage.note_with(number, || undeclared(satellite));
                 continue;
             }
             let base = epoch.observations.len();
@@ -239,8 +274,9 @@ impl EpochReader {
             let observations = &mut epoch.observations[base..];
             let fields = line.get(3..).unwrap_or_default();
             let (slips, damage) = (&mut self.slips, &mut self.damage);
-            self.field_count +=
-                read_fields(&layout.columns, fields, observations, number, slips, damage);
+            let columns = present(&layout.columns, fields);
+            let field = |index| text_field(fields, index);
+            self.field_count += put_fields(columns, field, observations, number, slips, damage);
             drop_empty(&mut epoch.observations, base);
         }
         if found != count {
@@ -313,10 +349,10 @@ impl EpochReader {
                     return Ok(true);
                 }
                 let number = self.lines.line_number();
-                let fields = self.columns[system as usize].columns.chunks(FIELDS_A_LINE).nth(part);
-                let fields = fields.unwrap_or_default();
+                let layout = &self.columns[system as usize].columns;
+                let of_line = layout.chunks(FIELDS_A_LINE).nth(part).unwrap_or_default();
                 let line = self.lines.line();
-                let beyond = columns(line, fields.len() * FIELD..FIELDS_A_LINE * FIELD);
+                let beyond = columns(line, of_line.len() * FIELD..FIELDS_A_LINE * FIELD);
                 if self.epoch_line().is_some() || !beyond.trim_ascii().is_empty() {
                     self.damage.note(number, "not the line of its satellite, the epoch is dropped");
                     self.lines.hold_line();
@@ -324,9 +360,11 @@ impl EpochReader {
                 }
                 let observations = &mut epoch.observations[base..];
                 let (slips, damage) = (&mut self.slips, &mut self.damage);
-                self.field_count += read_fields(fields, line, observations, number, slips, damage);
+                let field = |index| text_field(line, index);
+                let columns = present(of_line, line);
+                self.field_count += put_fields(columns, field, observations, number, slips, damage);
             }
-            self.apply_wavelength_factors(&mut epoch.observations[base..]);
+            self.header.apply_wavelength_factors(&mut epoch.observations[base..]);
             drop_empty(&mut epoch.observations, base);
         }
         self.ends_with_its_lines()
@@ -367,18 +405,6 @@ impl EpochReader {
         }
     }
 
-    /// In half-cycle data the digit says where the ambiguity is a whole cycle nevertheless.
-    fn apply_wavelength_factors(&self, observations: &mut [Observation]) {
-        if !self.header.has_half_wavelengths() {
-            return;
-        }
-        for o in observations.iter_mut().filter(|o| o.phase_cycles.is_some()) {
-            if self.header.is_half_wavelength(o.satellite, o.signal.band) {
-                o.lock.0 ^= Lock::HALF_CYCLE;
-            }
-        }
-    }
-
     /// Passes over a line that should begin an epoch, and all up to the next one that does.
     fn skip_to_epoch(&mut self) -> Result<(), ReadError> {
         let first = self.lines.line_number();
@@ -400,4 +426,8 @@ impl EpochReader {
         });
         Ok(())
     }
+}
+
+fn undeclared(satellite: Satellite) -> Cow<'static, str> {
+    format!("{satellite}: no observations of this system in the header, skipped").into()
 }

@@ -6,19 +6,28 @@ use kurs::signal::{Satellite, System};
 use super::columns::{Column, Quantity};
 use super::slips::PendingSlips;
 use crate::damage::DamageLog;
-use crate::rinex::fields::{Value, f14_3};
+use crate::rinex::fields::{Damaged, columns, f14_3};
 
 /// Width of an observation: F14.3, loss-of-lock digit, strength digit.
 pub(super) const FIELD: usize = 16;
 
-/// Reads the columns of one line into the observations of one satellite, one for each signal, and
+/// What a file says in one field of a satellite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Field {
+    /// The number in thousandths; `None` if it is blank.
+    pub(super) thousandths: Option<i64>,
+    /// The loss-of-lock digit.
+    pub(super) indicator: u8,
+}
+
+/// Puts the fields of some columns into the observations of one satellite, one for each signal, and
 /// counts the fields with a number, zero included.
 ///
 /// A field that is damaged counts as missing; with a phase its loss-of-lock digit is lost too, so
 /// the next phase is marked as slipped.
-pub(super) fn read_fields(
+pub(super) fn put_fields(
     columns: &[Column],
-    line: &[u8],
+    field: impl Fn(usize) -> Result<Field, Damaged>,
     observations: &mut [Observation],
     line_number: u64,
     slips: &mut PendingSlips,
@@ -26,16 +35,11 @@ pub(super) fn read_fields(
 ) -> u64 {
     let mut filled = 0;
     for (index, column) in columns.iter().enumerate() {
-        let start = index * FIELD;
-        if start >= line.len() {
-            break;
-        }
         if column.quantity == Quantity::Other {
             continue;
         }
         let Some(o) = observations.get_mut(column.signal) else { continue };
-        let field = &line[start..line.len().min(start + FIELD)];
-        let Ok((value, indicator)) = read_field(field, column.factor) else {
+        let Ok(Field { thousandths, indicator }) = field(index) else {
             if column.quantity == Quantity::Phase {
                 slips.mark(o.satellite, o.signal);
             }
@@ -45,8 +49,9 @@ pub(super) fn read_fields(
             });
             continue;
         };
-        filled += u64::from(value != Value::Blank);
-        let number = value.number();
+        filled += u64::from(thousandths.is_some());
+        // Zero means missing, as blank does. Below 2⁵³ the quotient is the nearest double.
+        let number = thousandths.filter(|n| *n != 0).map(|n| n as f64 / column.divisor);
         // Where two columns mean the same (C1 and C2 of BeiDou in RINEX 2) the first one counts.
         match column.quantity {
             Quantity::Pseudorange => o.pseudorange_m = o.pseudorange_m.or(number),
@@ -62,29 +67,34 @@ pub(super) fn read_fields(
     filled
 }
 
-/// The field is not an observation.
-struct Damaged;
+/// The fields that a line has, at most as many as there are columns.
+pub(super) fn present<'a>(columns: &'a [Column], line: &[u8]) -> &'a [Column] {
+    &columns[..columns.len().min(line.len().div_ceil(FIELD))]
+}
 
-/// Number and loss-of-lock digit of a field.
-fn read_field(field: &[u8], factor: f64) -> Result<(Value, u8), Damaged> {
-    let digit = |at: usize| match field.get(at) {
-        None | Some(b' ') => Ok(0),
-        Some(digit @ b'0'..=b'9') => Ok(digit - b'0'),
-        Some(_) => Err(Damaged),
-    };
-    let (indicator, _strength) = (digit(14)?, digit(15)?);
-    match f14_3(&field[..field.len().min(14)], factor) {
-        Value::Damaged => Err(Damaged),
-        value => Ok((value, indicator)),
+/// The field `index` of a line, which is blank behind the end of it.
+pub(super) fn text_field(line: &[u8], index: usize) -> Result<Field, Damaged> {
+    let field = columns(line, index * FIELD..(index + 1) * FIELD);
+    let digit_at = |at: usize| field.get(at).map_or(Ok(0), |byte| digit(*byte));
+    let (indicator, _strength) = (digit_at(14)?, digit_at(15)?);
+    Ok(Field { thousandths: f14_3(&field[..field.len().min(14)])?, indicator })
+}
+
+/// A loss-of-lock or strength digit, blank being zero.
+pub(super) fn digit(byte: u8) -> Result<u8, Damaged> {
+    match byte {
+        b' ' => Ok(0),
+        b'0'..=b'9' => Ok(byte - b'0'),
+        _ => Err(Damaged),
     }
 }
 
 /// Whether a line is nothing but observations, at least one.
 pub(super) fn is_observations(line: &[u8]) -> bool {
     let mut numbers = 0;
-    for field in line.trim_ascii_end().chunks(FIELD) {
-        let Ok((value, _)) = read_field(field, 1.0) else { return false };
-        numbers += usize::from(value.number().is_some());
+    for index in 0..line.trim_ascii_end().len().div_ceil(FIELD) {
+        let Ok(field) = text_field(line.trim_ascii_end(), index) else { return false };
+        numbers += usize::from(field.thousandths.is_some_and(|number| number != 0));
     }
     numbers > 0
 }

@@ -4,6 +4,7 @@ use core::fmt;
 use std::collections::BTreeMap;
 
 use kurs::frames::{Ecef, Vector};
+use kurs::observation::{Lock, Observation};
 use kurs::signal::{Band, Satellite, Signal, System};
 use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
@@ -191,12 +192,22 @@ impl ObservationHeader {
         latest.map_or(1.0, |scale| scale.factor)
     }
 
-    pub(super) fn has_half_wavelengths(&self) -> bool {
-        self.wavelength_factors.contains(&2) || !self.satellite_wavelength_factors.is_empty()
+    /// In half-cycle data (RINEX 2) the digit says where the ambiguity is a whole cycle nevertheless.
+    pub(super) fn apply_wavelength_factors(&self, observations: &mut [Observation]) {
+        let factors = &self.satellite_wavelength_factors;
+        let any = self.wavelength_factors.contains(&2) || !factors.is_empty();
+        if self.version.major >= 3 || !any {
+            return;
+        }
+        for o in observations.iter_mut().filter(|o| o.phase_cycles.is_some()) {
+            if self.is_half_wavelength(o.satellite, o.signal.band) {
+                o.lock.0 ^= Lock::HALF_CYCLE;
+            }
+        }
     }
 
     /// Whether the phases of this satellite and band are ambiguous by half cycles (RINEX 2).
-    pub(super) fn is_half_wavelength(&self, satellite: Satellite, band: Band) -> bool {
+    fn is_half_wavelength(&self, satellite: Satellite, band: Band) -> bool {
         let own = self.satellite_wavelength_factors.get(&satellite);
         let factors = own.unwrap_or(&self.wavelength_factors);
         matches!((band.digit, factors), (1, [2, _]) | (2, [_, 2]))

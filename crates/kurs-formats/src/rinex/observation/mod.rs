@@ -88,8 +88,7 @@ impl ObservationReader {
     ///
     /// As [`ObservationReader::open`].
     pub fn from_source(source: Source) -> Result<Self, ReadError> {
-        let lines = open_lines(source)?;
-        let header = first_record(&lines)?;
+        let (lines, header) = open_lines(source)?;
         Ok(Self { epochs: EpochReader::new(lines, header)?, order: EpochOrder::default() })
     }
 
@@ -205,16 +204,16 @@ fn note_late(epochs: &mut EpochReader, epoch: &AntennaEpoch, line: u64) {
     });
 }
 
-/// Goes to the first line of the RINEX header, if there is one.
-fn open_lines(mut source: Source) -> Result<Lines, ReadError> {
+/// Finds the RINEX header and reads its first record.
+fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadError> {
     let content = Content::of(source.start(Content::ENOUGH)?);
     if !matches!(content, Content::RinexObservation | Content::CompactRinex) {
         return Err(source.wrong_content(content.to_string(), EXPECTED));
     }
     let mut compact_version = None;
     while source.advance()? {
-        match (label(source.line()), compact_version) {
-            (b"CRINEX VERS   / TYPE", _) => {
+        match label(source.line()) {
+            b"CRINEX VERS   / TYPE" => {
                 let version = Version::parse(columns(source.line(), 0..9)).map_or(0, |v| v.major);
                 if !matches!(version, 1 | 3) {
                     let found = format!("compact RINEX version {:?}", text(source.line(), 0..20));
@@ -222,9 +221,15 @@ fn open_lines(mut source: Source) -> Result<Lines, ReadError> {
                 }
                 compact_version = Some(version);
             }
-            (b"RINEX VERSION / TYPE", None) => return Ok(Lines::Plain(source)),
-            (b"RINEX VERSION / TYPE", Some(version)) => {
-                return Ok(Lines::Compact(Box::new(CompactLines::new(source, version))));
+            b"RINEX VERSION / TYPE" => {
+                let header = first_record(&source)?;
+                let lines = match compact_version {
+                    None => Lines::Plain(source),
+                    Some(version) => {
+                        Lines::Compact(Box::new(CompactLines::new(source, version, header.system)))
+                    }
+                };
+                return Ok((lines, header));
             }
             _ => {}
         }
@@ -233,12 +238,12 @@ fn open_lines(mut source: Source) -> Result<Lines, ReadError> {
 }
 
 /// Version and system of the file.
-fn first_record(lines: &Lines) -> Result<ObservationHeader, ReadError> {
-    let line = lines.line();
+fn first_record(source: &Source) -> Result<ObservationHeader, ReadError> {
+    let line = source.line();
     let version = Version::parse(columns(line, 0..9));
     let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {
         let found = format!("RINEX version {:?}", text(line, 0..20));
-        return Err(lines.source().wrong_content(found, EXPECTED));
+        return Err(source.wrong_content(found, EXPECTED));
     };
     let system = match columns(line, 40..41) {
         [b' '] | [] => Some(System::Gps),
