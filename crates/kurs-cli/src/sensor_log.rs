@@ -95,6 +95,14 @@ impl SensorLog {
         Ok(log)
     }
 
+    /// How many steps are longer than five usual ones, and the longest.
+    pub(crate) fn gaps(&self) -> Option<(usize, f64)> {
+        let limit_s = 5.0 * self.step_s();
+        let steps = self.time_s.windows(2).map(|pair| pair[1] - pair[0]);
+        let gaps: Vec<f64> = steps.filter(|step_s| *step_s > limit_s).collect();
+        (!gaps.is_empty()).then(|| (gaps.len(), gaps.iter().copied().fold(0.0, f64::max)))
+    }
+
     /// Median time between samples.
     pub(crate) fn step_s(&self) -> f64 {
         let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();

@@ -1,11 +1,14 @@
 //! `kurs fuse`: GNSS joined with inertial sensors – one antenna and accelerometers on a rotating
-//! arm, or the attitudes of several antennas with a gyro and accelerometers.
+//! arm, or the attitudes of several antennas with a gyro and accelerometers – and the tilt that such a
+//! sensor has by itself.
 
 mod agreement;
 mod antennas;
 mod arm;
 mod calibration;
 mod gravity_check;
+mod imu;
+mod tilt;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,7 +21,7 @@ use crate::failure::UsageError;
 /// GNSS joined with inertial sensors: a rotating arm, or antennas with a gyro.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file (TOML): with [arm], or with [antennas] and [imu].
+    /// Configuration file (TOML): with [arm], with [antennas] and [imu], or with [tilt] and [imu].
     config: PathBuf,
     /// Folder for the outputs.
     #[arg(long, value_name = "DIR", default_value = "kurs-out")]
@@ -37,11 +40,12 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let tables: toml::Table = config_file::read(&args.config)?;
-    match (tables.contains_key("arm"), tables.contains_key("antennas")) {
-        (true, false) => arm::run(args),
-        (false, true) => antennas::run(args),
+    match ["arm", "antennas", "tilt"].map(|table| tables.contains_key(table)) {
+        [true, false, false] => arm::run(args),
+        [false, true, false] => antennas::run(args),
+        [false, false, true] => tilt::run(args),
         _ => {
-            let text = "either [arm], or [antennas] and [imu] must stand";
+            let text = "one of [arm], [antennas] with [imu], [tilt] with [imu] must stand";
             Err(UsageError(format!("{}: {text}", args.config.display())).into())
         }
     }

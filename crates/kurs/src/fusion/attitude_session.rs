@@ -50,10 +50,6 @@ pub struct AttitudeSessionSettings {
     pub first_angle_sd_rad: f64,
     /// Where the body is as long as no row says it.
     pub place: Option<Geodetic>,
-    /// Rates at or beyond it are saturated, rad/s.
-    pub rate_range_radps: f64,
-    /// Specific forces at or beyond it are saturated.
-    pub force_range_mps2: f64,
     /// Input may come so much later than other input of its time.
     pub order_window_s: f64,
     /// Whether the states are kept for [`AttitudeSession::into_smoothed`].
@@ -63,10 +59,12 @@ pub struct AttitudeSessionSettings {
 /// One sample: mean rate and specific force from the sample before to this one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImuSample {
-    /// Against inertial space, rad/s.
-    pub rate_radps: Vector<Body>,
-    /// m/s², where there are accelerometers.
+    /// Against inertial space, rad/s; `None` if it was at the end of its range.
+    pub rate_radps: Option<Vector<Body>>,
+    /// m/s²; `None` without accelerometers, or at the end of their range.
     pub specific_force_mps2: Option<Vector<Body>>,
+    /// Whether anything was at the end of its range.
+    pub saturated: bool,
 }
 
 /// What the filter did since the row before.
@@ -235,15 +233,15 @@ impl AttitudeSession {
 
     /// Turns the filter to every row before the sample and corrects it there, then to the sample.
     fn absorb_sample(&mut self, time_s: f64, sample: &ImuSample) {
-        let sample = self.usable(sample);
+        self.note(sample);
         let known_from_s = self.known_from(time_s);
-        self.last_sample = Some((time_s, sample));
+        self.last_sample = Some((time_s, *sample));
         while self.pending.front().is_some_and(|(row_s, _)| *row_s <= time_s) {
             let Some((row_s, row)) = self.pending.pop_front() else { break };
-            self.advance(row_s, known_from_s, &sample);
-            self.correct(row_s, row, &sample);
+            self.advance(row_s, known_from_s, sample);
+            self.correct(row_s, row, sample);
         }
-        self.advance(time_s, known_from_s, &sample);
+        self.advance(time_s, known_from_s, sample);
     }
 
     /// Rows after the last sample: for little more than the usual step its rate is taken to hold.
@@ -294,7 +292,7 @@ impl AttitudeSession {
         if let Some(place) = &self.place {
             filter.move_to(place);
         }
-        let rate_radps = sample.rate_radps.xyz() - filter.nominal().gyro_bias_radps;
+        let rate_radps = at(time_s, sample).rate_radps.xyz() - filter.nominal().gyro_bias_radps;
         let attitude = self.measured_attitude(time_s, &row, &filter);
         let velocity = self.measured_velocity(&row, &filter.ned_from_body(), &rate_radps);
         let update = |f: &mut AttitudeFilter| f.correct(attitude.as_ref(), velocity.as_ref());
@@ -442,20 +440,12 @@ impl AttitudeSession {
         (2.0 * self.settings.correlation_s / since_s).max(1.0)
     }
 
-    /// The sample without what is saturated or no number.
-    fn usable(&mut self, sample: &ImuSample) -> ImuSample {
-        let AttitudeSessionSettings { rate_range_radps, force_range_mps2, .. } = self.settings;
-        let (rate, force) = (sample.rate_radps.xyz(), sample.specific_force_mps2);
-        let beyond = |v: &Vector3<f64>, range: f64| v.amax() >= range;
-        let rate_saturated = beyond(&rate, rate_range_radps);
-        let force_saturated = force.is_some_and(|f| beyond(&f.xyz(), force_range_mps2));
-        let finite = sample.rate_radps.is_finite() && force.is_none_or(|f| f.is_finite());
-        self.health.saturated += usize::from(rate_saturated || force_saturated);
-        self.health.unusable += usize::from(!finite);
-        ImuSample {
-            rate_radps: if rate_saturated { NOTHING.rate_radps } else { sample.rate_radps },
-            specific_force_mps2: force.filter(|_| !force_saturated),
-        }
+    /// Counts a sample that says less than it should.
+    fn note(&mut self, sample: &ImuSample) {
+        let finite = |v: Option<Vector<Body>>| v.is_none_or(|v| v.is_finite());
+        let usable = finite(sample.rate_radps) && finite(sample.specific_force_mps2);
+        self.health.saturated += usize::from(sample.saturated);
+        self.health.unusable += usize::from(!usable);
     }
 
     /// The row with an attitude and, where accelerometers carry it on, a velocity.
@@ -548,14 +538,15 @@ impl Known<'_> {
 
 /// A sample that says nothing.
 const NOTHING: ImuSample =
-    ImuSample { rate_radps: Vector::new(f64::NAN, 0.0, 0.0), specific_force_mps2: None };
+    ImuSample { rate_radps: None, specific_force_mps2: None, saturated: false };
 
 const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
     velocity_mps: Vector::new(0.0, 0.0, 0.0),
     covariance: Matrix3::new(1e4, 0.0, 0.0, 0.0, 1e4, 0.0, 0.0, 0.0, 1e4),
 };
 
+/// The sample for the filter: a rate that is not known is no number.
 fn at(time_s: f64, sample: &ImuSample) -> InertialSample {
-    let ImuSample { rate_radps, specific_force_mps2 } = *sample;
-    InertialSample { time_s, rate_radps, specific_force_mps2 }
+    let rate_radps = sample.rate_radps.unwrap_or(Vector::new(f64::NAN, 0.0, 0.0));
+    InertialSample { time_s, rate_radps, specific_force_mps2: sample.specific_force_mps2 }
 }

@@ -6,11 +6,11 @@ use kurs::frames::{Geodetic, Vector};
 use kurs::fusion::attitude_filter::InertialSettings;
 use kurs::fusion::attitude_session::AttitudeSessionSettings;
 use kurs::fusion::kalman::Gate;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use serde::Deserialize;
 
 use crate::failure::UsageError;
-use crate::fuse::attitude;
+use crate::fuse::imu::ImuConfig;
 
 /// One degree an hour, in rad/s.
 const DEGREES_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
@@ -56,29 +56,6 @@ pub(super) struct AntennasConfig {
 
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct ImuConfig {
-    /// CSV log; `time_s` is the GPS second of week.
-    pub(super) file: PathBuf,
-    /// Result of `kurs calibrate`.
-    pub(super) calibration: Option<PathBuf>,
-    /// Added to the times of the log.
-    pub(super) time_offset_s: f64,
-    /// Body axes.
-    pub(super) position_m: [f64; 3],
-    /// Heading, pitch, roll of the sensor against the body.
-    pub(super) mounting_deg: [f64; 3],
-    pub(super) gyro_noise_deg_per_sqrt_h: f64,
-    pub(super) gyro_bias_sd_degph: f64,
-    pub(super) gyro_bias_walk_degph_per_sqrt_h: f64,
-    pub(super) gyro_range_degps: f64,
-    pub(super) accelerometer_noise_mps2_per_sqrt_hz: f64,
-    pub(super) accelerometer_bias_sd_mps2: f64,
-    pub(super) accelerometer_bias_walk_mps2_per_sqrt_h: f64,
-    pub(super) accelerometer_range_mps2: f64,
-}
-
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields, default)]
 pub(super) struct FilterConfig {
     pub(super) gate_sigmas: f64,
     /// Input that comes later than other input by up to this is put in its place.
@@ -96,26 +73,6 @@ pub(super) struct OutputConfig {
     pub(super) interval_s: Option<f64>,
 }
 
-impl Default for ImuConfig {
-    fn default() -> Self {
-        Self {
-            file: PathBuf::new(),
-            calibration: None,
-            time_offset_s: 0.0,
-            position_m: [0.0; 3],
-            mounting_deg: [0.0; 3],
-            gyro_noise_deg_per_sqrt_h: 0.1,
-            gyro_bias_sd_degph: 10.0,
-            gyro_bias_walk_degph_per_sqrt_h: 1.0,
-            gyro_range_degps: f64::INFINITY,
-            accelerometer_noise_mps2_per_sqrt_hz: 0.002,
-            accelerometer_bias_sd_mps2: 0.05,
-            accelerometer_bias_walk_mps2_per_sqrt_h: 0.01,
-            accelerometer_range_mps2: f64::INFINITY,
-        }
-    }
-}
-
 impl Default for FilterConfig {
     fn default() -> Self {
         Self { gate_sigmas: 5.0, order_window_s: 0.2, first_angle_sd_deg: 5.0, smooth: true }
@@ -125,17 +82,13 @@ impl Default for FilterConfig {
 impl Config {
     /// The session that the configuration describes; `gyro_calibrated`: a bias from a rest is taken
     /// off the rates.
-    pub(super) fn session(
-        &self,
-        gyro_calibrated: bool,
-    ) -> Result<AttitudeSessionSettings, UsageError> {
-        self.check()?;
+    pub(super) fn session(&self, gyro_calibrated: bool) -> AttitudeSessionSettings {
         let Self { antennas, imu, filter, .. } = self;
         let earth_degph = if gyro_calibrated { EARTH_RATE_DEGPH } else { 0.0 };
         let bias_walk = imu.gyro_bias_walk_degph_per_sqrt_h * DEGREES_PER_HOUR / SQRT_HOUR;
         let point_m = Vector3::from(antennas.velocity_point_m);
         let place = |latitude_deg| Geodetic::from_degrees(latitude_deg, 0.0, antennas.height_m);
-        Ok(AttitudeSessionSettings {
+        AttitudeSessionSettings {
             inertial: InertialSettings {
                 gyro_noise: imu.gyro_noise_deg_per_sqrt_h.to_radians() / SQRT_HOUR,
                 gyro_bias_sd_radps: imu.gyro_bias_sd_degph.hypot(earth_degph) * DEGREES_PER_HOUR,
@@ -152,56 +105,33 @@ impl Config {
             correlation_s: antennas.correlation_s,
             first_angle_sd_rad: filter.first_angle_sd_deg.to_radians(),
             place: antennas.latitude_deg.map(place),
-            rate_range_radps: imu.gyro_range_degps.to_radians(),
-            force_range_mps2: imu.accelerometer_range_mps2,
             order_window_s: filter.order_window_s,
             smooth: filter.smooth,
-        })
-    }
-
-    /// Body axes from those of the sensor.
-    pub(super) fn body_from_imu(&self) -> Matrix3<f64> {
-        attitude(self.imu.mounting_deg).ned_from_body().matrix()
-    }
-
-    fn check(&self) -> Result<(), UsageError> {
-        let Self { antennas, imu, filter, output } = self;
-        if imu.file.as_os_str().is_empty() {
-            return Err(UsageError("imu.file: no log of the inertial sensor".into()));
         }
+    }
+
+    /// Refuses values that cannot be meant.
+    pub(super) fn check(&self) -> Result<(), UsageError> {
+        let Self { antennas, imu, filter, output } = self;
+        imu.check()?;
         let positive = [
             ("filter.gate_sigmas", filter.gate_sigmas),
             ("filter.first_angle_sd_deg", filter.first_angle_sd_deg),
-            ("imu.gyro_noise_deg_per_sqrt_h", imu.gyro_noise_deg_per_sqrt_h),
-            ("imu.gyro_bias_sd_degph", imu.gyro_bias_sd_degph),
-            ("imu.gyro_range_degps", imu.gyro_range_degps),
-            ("imu.accelerometer_noise_mps2_per_sqrt_hz", imu.accelerometer_noise_mps2_per_sqrt_hz),
-            ("imu.accelerometer_bias_sd_mps2", imu.accelerometer_bias_sd_mps2),
-            ("imu.accelerometer_range_mps2", imu.accelerometer_range_mps2),
             ("output.interval_s", output.interval_s.unwrap_or(1.0)),
         ];
         if let Some((key, value)) = positive.iter().find(|(_, v)| v.is_nan() || *v <= 0.0) {
             return Err(UsageError(format!("{key}: {value} found, more than 0 expected")));
         }
-        let walk = imu.accelerometer_bias_walk_mps2_per_sqrt_h;
         let not_negative = [
             ("antennas.velocity_sd_mps", antennas.velocity_sd_mps),
             ("antennas.correlation_s", antennas.correlation_s),
-            ("imu.gyro_bias_walk_degph_per_sqrt_h", imu.gyro_bias_walk_degph_per_sqrt_h),
-            ("imu.accelerometer_bias_walk_mps2_per_sqrt_h", walk),
             ("filter.order_window_s", filter.order_window_s),
         ];
         if let Some((key, value)) = not_negative.iter().find(|(_, v)| v.is_nan() || *v < 0.0) {
             return Err(UsageError(format!("{key}: {value} found, 0 or more expected")));
         }
-        let vectors = [
-            ("antennas.velocity_point_m", antennas.velocity_point_m),
-            ("imu.position_m", imu.position_m),
-            ("imu.mounting_deg", imu.mounting_deg),
-            ("imu.time_offset_s", [imu.time_offset_s; 3]),
-        ];
-        if let Some((key, _)) = vectors.iter().find(|(_, v)| !v.iter().all(|x| x.is_finite())) {
-            return Err(UsageError(format!("{key}: finite numbers expected")));
+        if !antennas.velocity_point_m.iter().all(|x| x.is_finite()) {
+            return Err(UsageError("antennas.velocity_point_m: finite numbers expected".into()));
         }
         match antennas.latitude_deg {
             Some(found) if !(-90.0..=90.0).contains(&found) => {

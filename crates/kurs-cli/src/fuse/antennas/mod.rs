@@ -10,16 +10,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
-use kurs::frames::Vector;
-use kurs::fusion::attitude_session::{AttitudeSession, ImuSample};
+use kurs::fusion::attitude_session::AttitudeSession;
 use kurs::solution::EpochSolution;
-use nalgebra::{Matrix3, Vector3};
 
-use super::calibration::Calibration;
-use super::{Args, gravity_check};
+use super::Args;
+use super::imu::Sensor;
 use crate::config_file;
 use crate::failure::UsageError;
-use crate::sensor_log::{Backwards, SensorReader, SensorRow};
 use crate::truth::Truth;
 use config::Config;
 use rows::{Inputs, Rows};
@@ -33,10 +30,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Err(UsageError(text.to_owned()).into());
     }
     let folder = args.config.parent().unwrap_or(Path::new(""));
-    let calibration =
-        config.imu.calibration.as_ref().map(|file| Calibration::read(&folder.join(file)));
-    let calibration = calibration.transpose()?.unwrap_or_default();
-    let settings = config.session(calibration.gyro_bias_radps.is_some())?;
+    config.check()?;
+    let mut sensor = Sensor::open(folder, &config.imu)?;
+    let settings = config.session(sensor.has_gyro_bias());
     let smooth = settings.smooth;
     let (solved, mut damage) = solved_rows::read(&folder.join(&config.antennas.attitude))?;
     if settings.place.is_none() && solved.iter().all(|row| row.position.is_none()) {
@@ -44,7 +40,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Err(UsageError(text.to_owned()).into());
     }
     let solved = solved_rows::fill_pauses(solved, config.output.interval_s);
-    let mut sensor = Sensor::open(folder, &config, calibration)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
     let mut rows = Rows::create(&args.out, truth, smooth)?;
 
@@ -54,7 +49,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if smooth {
         rows.write_smoothed(session)?;
     }
-    damage.extend_from_slice(sensor.reader.damage());
+    damage.extend_from_slice(sensor.damage());
     let inputs = Inputs {
         configuration: format!("{config:?}"),
         damage: &damage,
@@ -102,51 +97,4 @@ fn fuse(
         rows.write(&fused)?;
     }
     Ok(too_late)
-}
-
-/// The log of the sensor, calibrated and turned into the axes of the body.
-struct Sensor {
-    reader: SensorReader,
-    /// Read ahead of their time, first of all to look at the unit.
-    ahead: std::collections::VecDeque<SensorRow>,
-    calibration: Calibration,
-    body_from_imu: Matrix3<f64>,
-    time_offset_s: f64,
-}
-
-impl Sensor {
-    fn open(folder: &Path, config: &Config, calibration: Calibration) -> anyhow::Result<Self> {
-        let path = folder.join(&config.imu.file);
-        let mut reader = SensorReader::open(&path, Backwards::Kept)?;
-        if !reader.has_gyro() {
-            bail!("{}: no gyro columns (gx_radps, gy_radps, gz_radps)", path.display());
-        }
-        let ahead: std::collections::VecDeque<SensorRow> =
-            reader.by_ref().take(gravity_check::SAMPLES).collect();
-        if ahead.is_empty() {
-            bail!("{}: no usable row", path.display());
-        }
-        if reader.has_accelerometer() {
-            let norms = ahead.iter().filter_map(|row| Some(row.accelerometer?.norm()));
-            gravity_check::refuse_other_units(norms.collect(), gravity_check::AT_REST_MPS2)?;
-        }
-        let (body_from_imu, time_offset_s) = (config.body_from_imu(), config.imu.time_offset_s);
-        Ok(Self { reader, ahead, calibration, body_from_imu, time_offset_s })
-    }
-
-    /// The next sample, unless it is later than this.
-    fn next_before(&mut self, time_s: f64) -> Option<(f64, ImuSample)> {
-        if self.ahead.is_empty() {
-            self.ahead.extend(self.reader.next());
-        }
-        let at_s = self.ahead.front()?.time_s + self.time_offset_s;
-        if at_s > time_s {
-            return None;
-        }
-        let row = self.ahead.pop_front()?;
-        let in_body = |v: Vector3<f64>| Vector::from_xyz(self.body_from_imu * v);
-        let rate_radps = in_body(self.calibration.rate(&row.gyro?));
-        let force = row.accelerometer.map(|reading| in_body(self.calibration.force(&reading)));
-        Some((at_s, ImuSample { rate_radps, specific_force_mps2: force }))
-    }
 }

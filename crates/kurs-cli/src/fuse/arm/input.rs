@@ -55,6 +55,7 @@ struct Log {
 struct Correction {
     calibration: Calibration,
     body_from_mount: Matrix3<f64>,
+    range_mps2: f64,
 }
 
 impl Input {
@@ -125,7 +126,7 @@ impl Input {
         let samples = self.samples.ahead.iter().take(gravity_check::SAMPLES);
         let turning_mps2 = arm.speed_mps() * core::f64::consts::TAU * arm.rate_hz;
         gravity_check::refuse_other_units(
-            samples.map(|(_, sample)| sample.specific_force_mps2.norm()).collect(),
+            samples.filter_map(|(_, sample)| Some(sample.specific_force_mps2?.norm())).collect(),
             turning_mps2.hypot(gravity_check::AT_REST_MPS2),
         )
     }
@@ -190,12 +191,16 @@ impl Correction {
         let file = config.accelerometer.calibration.as_ref();
         let calibration = file.map(|file| Calibration::read(&folder.join(file))).transpose()?;
         let body_from_mount = config.body_from_mount();
-        Ok(Self { calibration: calibration.unwrap_or_default(), body_from_mount })
+        let range_mps2 = config.accelerometer.range_mps2;
+        Ok(Self { calibration: calibration.unwrap_or_default(), body_from_mount, range_mps2 })
     }
 
-    /// The force, turned into the body's axes.
-    fn apply(&self, reading_mps2: &Vector3<f64>) -> Vector3<f64> {
+    /// The force, turned into the body's axes; `None` for a reading at the end of the range.
+    fn apply(&self, reading_mps2: &Vector3<f64>) -> Option<Vector3<f64>> {
+        if reading_mps2.amax() >= self.range_mps2 {
+            return None;
+        }
         let in_mount = self.calibration.force(reading_mps2);
-        from_forward_right_down(&(self.body_from_mount * in_mount))
+        Some(from_forward_right_down(&(self.body_from_mount * in_mount)))
     }
 }
