@@ -2,7 +2,7 @@
 //! `cargo run --release -p kurs-sim --example epoch_cost [SCENARIO.toml] [EPOCHS]`.
 //!
 //! Prints the median and the 99th percentile over the epochs of a scenario (by default the car with
-//! its four antennas, all systems and two bands) for each constraint.
+//! its four antennas and two bands, under a sky of 30 satellites) for each constraint.
 #![expect(clippy::print_stdout, reason = "the times are for reading")]
 
 use std::time::Instant;
@@ -16,12 +16,16 @@ use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
 
+/// The highest so many are seen, down to the horizon.
+const SATELLITES: usize = 30;
+
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let file = arguments.next().unwrap_or_else(|| "scenarios/car.toml".into());
     let count = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(1000);
     let text = std::fs::read_to_string(&file).expect("the scenario can be read");
-    let scenario: Scenario = toml::from_str(&text).expect("a scenario");
+    let mut scenario: Scenario = toml::from_str(&text).expect("a scenario");
+    scenario.sky.max_satellites = scenario.sky.max_satellites.or(Some(SATELLITES));
     let antennas = &scenario.body[0].antenna;
     let places = antennas.iter().map(|a| Vector::from_xyz(Vector3::from(a.position_m))).collect();
     let array = AntennaArray::new(places).expect("an array");
@@ -40,6 +44,7 @@ fn main() {
             antennas: array.len(),
             array: Some(array.clone()),
             constraint,
+            elevation_mask_rad: 0.0,
             ..Settings::default()
         };
         let mut engine = Engine::new(settings, navigation.clone()).expect("settings that work");

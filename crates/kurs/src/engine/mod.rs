@@ -10,6 +10,8 @@ mod station;
 
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
+use core::ops::Range;
+
 use crate::antenna_calibration::MountedAntenna;
 use crate::baseline::Baselines;
 use crate::cycle_slip::Continuity;
@@ -24,7 +26,7 @@ use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
 use fix::{Fixer, Verdict};
-use locate::{Located, locate};
+use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
 use station::Station;
 
@@ -135,16 +137,18 @@ impl Engine {
         });
     }
 
-    /// The float solution of the epoch with what earlier epochs know of its ambiguities.
+    /// The float solution of the epoch with what earlier epochs know of its ambiguities, and whether
+    /// so many of them slipped that nothing is left of that.
     fn carry(
         &mut self,
         float: FloatSolution,
-        frame: &locate::CommonFrame,
+        frame: &CommonFrame,
         time: GpsTime,
-    ) -> FloatSolution {
-        let Some((continuity, memory)) = &mut self.carried else { return float };
+    ) -> (FloatSolution, bool) {
+        let Some((continuity, memory)) = &mut self.carried else { return (float, false) };
         let arc = |link: &Link| continuity.number(link.antenna, link.satellite, link.signal);
-        memory.update(float, &self.links, &frame.approximate(), time, arc)
+        let float = memory.update(float, &self.links, &frame.approximate(), time, arc);
+        (float, memory.began_anew())
     }
 
     /// The instant of the first antenna that has a position: its tag less its clock bias.
@@ -170,22 +174,24 @@ impl Engine {
 
     /// Differences, float solution, integers, baselines, attitude.
     fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
-        let frame = locate::common_frame(&self.located)?;
-        self.form_links(epoch, &frame);
-        self.align_phases();
-        let groups = difference::group(&mut self.links);
-        row.shared_satellites = locate::shared_satellites(&self.links);
+        self.fixer.begin(epoch.time);
+        let (frame, mut groups, float) = self.float(epoch, row)?;
+        let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
-        let float = self.fixer.float(&self.links, &groups, &frame, epoch.time).map_err(
-            |error| match error {
-                NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites => Reason::FewSatellites,
-            },
-        )?;
-        let float = self.carry(float, &frame, epoch.time);
+        let rate = self.settings.max_wrong_fix_rate;
+        let mut outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings, rate);
+        if anew {
+            outcome.verdict = outcome.verdict.after_many_slips();
+        }
+        if outcome.verdict.is_spoilt() {
+            let part = self.fixer.fix_without_one_system(&self.links, &frame, &self.settings);
+            if let Some(part) = part {
+                (self.links, groups) = (part.links, part.groups);
+                (float, outcome) = (part.float, part.outcome);
+            }
+        }
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
-
-        let outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings);
         row.success_rate = outcome.success_rate;
         row.ratio = outcome.ratio;
         row.residual_rms_m = outcome.residual_rms_m;
@@ -218,6 +224,35 @@ impl Engine {
         Ok(())
     }
 
+    /// The float solution of all antennas, or of all but those that see too few satellites.
+    fn float(
+        &mut self,
+        epoch: &ArrayEpoch,
+        row: &mut EpochSolution,
+    ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
+        loop {
+            let frame = locate::common_frame(&self.located)?;
+            self.form_links(epoch, &frame);
+            self.align_phases();
+            let groups = difference::group(&mut self.links);
+            row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
+            match self.fixer.float(&self.links, &groups, &frame) {
+                Ok(float) => return Ok((frame, groups, float)),
+                Err(NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites)
+                    if self.located.len() <= 2 =>
+                {
+                    return Err(Reason::FewSatellites);
+                }
+                Err(_) => {
+                    let links_of =
+                        |l: &Located| self.links.iter().filter(|k| k.antenna == l.antenna).count();
+                    let least = (0..self.located.len()).min_by_key(|i| links_of(&self.located[*i]));
+                    self.located.remove(least.unwrap_or(0));
+                }
+            }
+        }
+    }
+
     /// Keeps the body's axes of a fixed epoch; two antennas leave the roll open, it counts as zero.
     fn remember_axes(&mut self, row: &EpochSolution) {
         let Some(attitude) = row.attitude.filter(|_| row.status == Status::Fixed) else { return };
@@ -228,7 +263,7 @@ impl Engine {
     }
 
     /// Observed less computed for every antenna, at its own reception time.
-    fn form_links(&mut self, epoch: &ArrayEpoch, frame: &locate::CommonFrame) {
+    fn form_links(&mut self, epoch: &ArrayEpoch, frame: &CommonFrame) {
         self.links.clear();
         let body_from_ecef =
             self.ned_from_body.map(|n| n.inverse() * frame.horizon.ned_from_ecef());
