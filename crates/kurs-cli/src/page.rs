@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use plotly::common::Orientation;
+use plotly::common::{Anchor, Orientation};
 use plotly::layout::{Legend, Margin};
 use plotly::{Configuration, Layout, Plot};
 
@@ -20,11 +20,12 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     @media print{.plot,.plot.square{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Draws the plots that come into view at once and the others one after the other, while nothing else
-/// is to be done or before the page is printed.
+/// is to be done or before the page is printed. Fingers zoom without buttons, which would lie on the legend.
 const DRAWING: &str = "<script>\
 const waiting=new Set(document.querySelectorAll('div.plot'));\
 function draw(plot){if(!waiting.delete(plot))return;\
 const {data,layout,config}=JSON.parse(plot.querySelector('script').textContent);\
+config.displayModeBar=matchMedia('(hover:hover)').matches?'hover':false;\
 Plotly.newPlot(plot,data,layout,config);}\
 const watcher=new IntersectionObserver(seen=>seen.forEach(s=>s.isIntersecting&&draw(s.target)));\
 waiting.forEach(plot=>watcher.observe(plot));\
@@ -41,10 +42,12 @@ pub(crate) mod colour {
     pub(crate) const GREY: &str = "#888888";
 }
 
-/// An empty plot: legend above it, narrow margins, no buttons but those on the plot itself.
+/// An empty plot: legend above it, as high as it has to be, narrow margins, no buttons but those on the
+/// plot itself.
 pub(crate) fn laid_out(layout: Layout) -> Plot {
     let mut plot = Plot::new();
-    let legend = Legend::new().orientation(Orientation::Horizontal).y(1.12);
+    let legend =
+        Legend::new().orientation(Orientation::Horizontal).y(1.02).y_anchor(Anchor::Bottom);
     plot.set_layout(
         layout.legend(legend).margin(Margin::new().left(55).right(15).top(30).bottom(45)),
     );
@@ -78,13 +81,16 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
     }
 
-    /// A table of plain text.
+    /// A table of plain text; without a row of headings if it has none.
     pub(crate) fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
         let cells = |tag: &str, texts: Vec<String>| -> String {
             texts.iter().map(|text| format!("<{tag}>{}</{tag}>", escape(text))).collect()
         };
-        let header = header.iter().map(|text| (*text).to_owned()).collect();
-        let _ = writeln!(self.body, "<table><tr>{}</tr>", cells("th", header));
+        let header: Vec<String> = header.iter().map(|text| (*text).to_owned()).collect();
+        self.body.push_str("<table>\n");
+        if !header.is_empty() {
+            let _ = writeln!(self.body, "<tr>{}</tr>", cells("th", header));
+        }
         for row in rows {
             let _ = writeln!(self.body, "<tr>{}</tr>", cells("td", row.clone()));
         }

@@ -9,9 +9,10 @@ use kurs::sky::Horizon;
 use kurs::solution::Status;
 use kurs::time::GpsTime;
 use plotly::common::{
-    ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode, Title,
+    Anchor, ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode,
+    Orientation, Title,
 };
-use plotly::layout::{Axis, AxisType, CategoryOrder, RangeMode};
+use plotly::layout::{Axis, AxisConstrain, AxisType, CategoryOrder, RangeMode};
 use plotly::{Layout, Plot, Scatter};
 
 use super::Sample;
@@ -153,7 +154,7 @@ fn by_satellite(
 
 /// How many satellites take part.
 pub(super) fn satellites(samples: &[Sample]) -> Plot {
-    let mut plot = over_time("satellites");
+    let mut plot = over_time_from_zero("satellites");
     let count = curve(samples, |sample| Some(sample.satellites as f64));
     add_line(&mut plot, samples, count, "satellites", BLUE);
     plot
@@ -161,7 +162,7 @@ pub(super) fn satellites(samples: &[Sample]) -> Plot {
 
 /// How sure the integers are before the fact.
 pub(super) fn success_rate(samples: &[Sample]) -> Plot {
-    let mut plot = over_time("success rate");
+    let mut plot = over_time_from_zero("success rate");
     let rate = curve(samples, |sample| sample.success_rate);
     add_line(&mut plot, samples, rate, "predicted success rate", BLUE);
     plot
@@ -170,7 +171,16 @@ pub(super) fn success_rate(samples: &[Sample]) -> Plot {
 /// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
 /// their residuals, and the paths of the others.
 pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
-    let mut plot = square("", "");
+    let axis = || Axis::new().visible(false).range(vec![-1.15, 1.15]);
+    let mut plot = laid_out(
+        Layout::new()
+            .x_axis(axis().constrain(AxisConstrain::Domain))
+            .y_axis(axis().constrain(AxisConstrain::Domain).scale_anchor("x")),
+    );
+    let (east, north, letters) =
+        ([0.0, 1.08, 0.0, -1.08], [1.08, 0.0, -1.08, 0.0], ["N", "E", "S", "W"]);
+    let quarters = Scatter::new(east.to_vec(), north.to_vec()).mode(Mode::Text);
+    plot.add_trace(quarters.text_array(letters.to_vec()).show_legend(false));
     for elevation_deg in [0.0, 30.0, 60.0] {
         let circle: Vec<(f64, f64)> = (0..=72)
             .map(|k| on_disc(f64::from(k) * 5f64.to_radians(), f64::to_radians(elevation_deg)))
@@ -229,7 +239,12 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
         let millimetres: Vec<f64> = cells.iter().map(|cell| rounded(cell.phase_m * 1e3)).collect();
         let words = |(cell, mm): (&OfCell, &f64)| format!("{} {mm:.1} mm", cell.satellite);
         let names: Vec<String> = cells.iter().zip(&millimetres).map(words).collect();
-        let bar = ColorBar::new().title("phase residual, mm").thickness(12);
+        let bar = ColorBar::new()
+            .title("phase residual, mm")
+            .orientation(Orientation::Horizontal)
+            .y(-0.02)
+            .y_anchor(Anchor::Top)
+            .thickness(12);
         let marker = Marker::new()
             .color_array(millimetres)
             .cmin(0.0)
@@ -252,7 +267,11 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
 
 /// The way in metres from the first place.
 pub(super) fn track(samples: &[Sample]) -> Plot {
-    let mut plot = square("east, m", "north, m");
+    let mut plot = laid_out(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("east, m")).scale_anchor("y"))
+            .y_axis(Axis::new().title(Title::with_text("north, m")).auto_margin(true)),
+    );
     let mut places = samples.iter().filter_map(|sample| sample.position);
     if let Some((first, first_m)) = places.next() {
         let ned_from_ecef = first.ned_from_ecef();
@@ -346,17 +365,14 @@ fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colo
 }
 
 fn over_time(title: &str) -> Plot {
-    laid_out(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text("time, s")))
-            .y_axis(Axis::new().title(Title::with_text(title)).auto_margin(true)),
-    )
+    with_time(Axis::new().title(Title::with_text(title)))
 }
 
-fn square(x: &str, y: &str) -> Plot {
-    laid_out(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text(x)).scale_anchor("y"))
-            .y_axis(Axis::new().title(Title::with_text(y)).auto_margin(true)),
-    )
+fn over_time_from_zero(title: &str) -> Plot {
+    with_time(Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
+}
+
+fn with_time(axis: Axis) -> Plot {
+    let time = Axis::new().title(Title::with_text("time, s"));
+    laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
 }
