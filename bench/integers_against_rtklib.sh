@@ -49,6 +49,8 @@ PY
 m=matrtklib_static; u=upc2011
 m_files=("$m/base.obs" "$m/rover.obs" "$m/base.nav"); m_truth=-0.2235,-0.9645,0.009
 u_files=("$u/UPC10770.11o" "$u/UPC20770.11o" "$u/brdc0770.11n"); u_truth=-27.4088,-26.2188,-0.0403
+g=geonet2005
+g_files=("$g/07590920.05o" "$g/30400920.05o" "$g/07590920.05n"); g_truth=953.6729,-3196.1390,4.6514
 one=mb_instantaneous_L1_G
 length() { echo "pos2-baselen=$1 pos2-basesig=$2"; }
 row matrtklib "${m_files[@]}" G1 "" $one "" "" $m_truth "each epoch"
@@ -56,6 +58,12 @@ row matrtklib "${m_files[@]}" G1 "constraint=length array_sd_m=0.002" $one "$(le
 row upc2011 "${u_files[@]}" G1 "" $one "" "" $u_truth "each epoch"
 row upc2011 "${u_files[@]}" G1 "constraint=length array_sd_m=0.01" $one "$(length 37.93 0.01)" 37.93 $u_truth "each epoch, length 1 cm"
 row upc2011 "${u_files[@]}" G1 "constraint=length array_sd_m=0.01 elevation_mask_deg=10" $one "$(length 37.93 0.01) pos1-elmask=10" 37.93 $u_truth "the same, mask 10°"
+row upc2011 "${u_files[@]}" G1 "elevation_mask_deg=10" $one "pos1-elmask=10" "" $u_truth "each epoch, mask 10°"
+row upc2011 "${u_files[@]}" G1 "elevation_mask_deg=20" $one "pos1-elmask=20" "" $u_truth "each epoch, mask 20°"
+row matrtklib "${m_files[@]}" G1 "elevation_mask_deg=25" $one "pos1-elmask=25" "" $m_truth "each epoch, mask 25°"
+row matrtklib "${m_files[@]}" E1 "" $one "pos1-navsys=8" "" $m_truth "each epoch"
+row geonet2005 "${g_files[@]}" G1 "" $one "" "" $g_truth "each epoch"
+row geonet2005 "${g_files[@]}" G1 "ambiguity=continuous" mb_continuous_L1_G "" "" $g_truth "continuous"
 row upc2011 "${u_files[@]}" G1 "ambiguity=continuous" mb_continuous_L1_G "" "" $u_truth "continuous"
 row matrtklib "${m_files[@]}" G1 "ambiguity=continuous" mb_continuous_L1_G "" "" $m_truth "continuous"
 row matrtklib "${m_files[@]}" R1,R2 "constraint=length array_sd_m=0.002" mb_instantaneous_L1L2_G "pos1-navsys=4 pos2-gloarmode=on $(length 0.990 0.002)" 0.990 $m_truth "GLONASS, length 2 mm"

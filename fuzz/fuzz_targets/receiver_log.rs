@@ -1,4 +1,4 @@
-//! Any bytes as the messages of a receiver log (UBX, RTCM 3), with good checksums.
+//! Any bytes as the messages of a receiver log (UBX, RTCM 3, SBF), with good checksums.
 #![no_main]
 
 #[path = "../../crates/kurs-formats/tests/checks/mod.rs"]

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use kurs_referees::{Totals, convbin, crx2rnx, georinex, kurs, recordings, rinex_crate};
 
-const FILES: [&str; 20] = [
+const FILES: [&str; 21] = [
     "geonet2005/07590920.05o",
     "geonet2005/30400920.05o",
     "matrtklib_static/base.obs",
@@ -28,6 +28,7 @@ const FILES: [&str; 20] = [
     "formats/KOSG0010.95O",
     "formats/LARM0010.22O",
     "formats/delf0010.21d",
+    "formats/gps_10MSps.23O.gz",
     "formats/pdel0010.21o",
     "formats/zegv0010.21d",
 ];

@@ -5,7 +5,9 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use plotly::Plot;
+use plotly::common::{Anchor, Orientation};
+use plotly::layout::{Legend, Margin};
+use plotly::{Configuration, Layout, Plot};
 
 use crate::output::OutputFile;
 
@@ -16,6 +18,42 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     pre{background:#f4f4f4;padding:.7em;overflow-x:auto;font-size:.85em}\
     .plot{height:22em}.plot.square{height:34em;max-width:36em}\
     @media print{.plot,.plot.square{break-inside:avoid}h2{break-after:avoid}}";
+
+/// Draws the plots that come into view at once and the others one after the other, while nothing else
+/// is to be done or before the page is printed. Fingers zoom without buttons, which would lie on the legend.
+const DRAWING: &str = "<script>\
+const waiting=new Set(document.querySelectorAll('div.plot'));\
+function draw(plot){if(!waiting.delete(plot))return;\
+const {data,layout,config}=JSON.parse(plot.querySelector('script').textContent);\
+config.displayModeBar=matchMedia('(hover:hover)').matches?'hover':false;\
+Plotly.newPlot(plot,data,layout,config);}\
+const watcher=new IntersectionObserver(seen=>seen.forEach(s=>s.isIntersecting&&draw(s.target)));\
+waiting.forEach(plot=>watcher.observe(plot));\
+function drawNext(){const [plot]=waiting;if(plot){draw(plot);setTimeout(drawNext,20);}}\
+addEventListener('load',()=>setTimeout(drawNext,200));\
+addEventListener('beforeprint',()=>[...waiting].forEach(draw));</script>\n";
+
+/// Colours that colour-blind readers tell apart (Okabe and Ito, 2008).
+pub(crate) mod colour {
+    pub(crate) const BLUE: &str = "#0072B2";
+    pub(crate) const ORANGE: &str = "#E69F00";
+    pub(crate) const GREEN: &str = "#009E73";
+    pub(crate) const VERMILION: &str = "#D55E00";
+    pub(crate) const GREY: &str = "#888888";
+}
+
+/// An empty plot: legend above it, as high as it has to be, narrow margins, no buttons but those on the
+/// plot itself.
+pub(crate) fn laid_out(layout: Layout) -> Plot {
+    let mut plot = Plot::new();
+    let legend =
+        Legend::new().orientation(Orientation::Horizontal).y(1.02).y_anchor(Anchor::Bottom);
+    plot.set_layout(
+        layout.legend(legend).margin(Margin::new().left(55).right(15).top(30).bottom(45)),
+    );
+    plot.set_configuration(Configuration::new().responsive(true).display_logo(false));
+    plot
+}
 
 /// A page in the making.
 #[derive(Debug)]
@@ -43,13 +81,16 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
     }
 
-    /// A table of plain text.
+    /// A table of plain text; without a row of headings if it has none.
     pub(crate) fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
         let cells = |tag: &str, texts: Vec<String>| -> String {
             texts.iter().map(|text| format!("<{tag}>{}</{tag}>", escape(text))).collect()
         };
-        let header = header.iter().map(|text| (*text).to_owned()).collect();
-        let _ = writeln!(self.body, "<table><tr>{}</tr>", cells("th", header));
+        let header: Vec<String> = header.iter().map(|text| (*text).to_owned()).collect();
+        self.body.push_str("<table>\n");
+        if !header.is_empty() {
+            let _ = writeln!(self.body, "<tr>{}</tr>", cells("th", header));
+        }
         for row in rows {
             let _ = writeln!(self.body, "<tr>{}</tr>", cells("td", row.clone()));
         }
@@ -73,8 +114,13 @@ impl Page {
 
     fn place(&mut self, plot: &Plot, class: &str) {
         self.plots += 1;
-        let inline = plot.to_inline_html(Some(&format!("plot-{}", self.plots)));
-        let _ = writeln!(self.body, "<div class=\"{class}\">{inline}</div>");
+        // Only `</` could end the script early.
+        let json = plot.to_json().replace("</", "<\\/");
+        let _ = writeln!(
+            self.body,
+            "<div id=\"plot-{}\" class=\"{class}\"><script type=\"application/json\">{json}</script></div>",
+            self.plots
+        );
     }
 
     /// Writes the page as `directory/name`.
@@ -84,10 +130,11 @@ impl Page {
             file,
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>{}</title>\
-             <style>{STYLE}</style>{}</head><body>\n{}</body></html>\n",
+             <style>{STYLE}</style>{}</head><body>\n{}{}</body></html>\n",
             self.title,
             if self.plots > 0 { plotting_script() } else { String::new() },
-            self.body
+            self.body,
+            if self.plots > 0 { DRAWING } else { "" }
         )?;
         file.finish()
     }

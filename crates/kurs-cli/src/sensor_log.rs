@@ -1,7 +1,8 @@
 //! Logs of inertial sensors as CSV: the header names columns and units, `time_s, ax_mps2, …`, and
 //! the angle of a rotating arm, `arm_deg`, where an encoder measures it.
 
-use std::path::Path;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use nalgebra::Vector3;
@@ -26,10 +27,30 @@ pub(crate) struct SensorLog {
     pub(crate) accelerometer: Vec<Vector3<f64>>,
     /// rad/s; empty if the file has none.
     pub(crate) gyro: Vec<Vector3<f64>>,
-    /// rad; empty if the file has none.
-    pub(crate) arm_angle: Vec<f64>,
     /// What was left out.
     pub(crate) damage: Vec<Damage>,
+}
+
+/// One row, in SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SensorRow {
+    pub(crate) time_s: f64,
+    /// m/s², if the file has the columns.
+    pub(crate) accelerometer: Option<Vector3<f64>>,
+    /// rad/s, if the file has the columns.
+    pub(crate) gyro: Option<Vector3<f64>>,
+    /// rad, if the file has the column.
+    pub(crate) arm_angle: Option<f64>,
+}
+
+/// Reads a log row by row.
+pub(crate) struct SensorReader {
+    path: PathBuf,
+    records: csv::StringRecordsIntoIter<File>,
+    columns: Columns,
+    backwards: Backwards,
+    last_s: f64,
+    damage: Vec<Damage>,
 }
 
 /// What happens to a row whose time is not later than that of the row before.
@@ -42,6 +63,7 @@ pub(crate) enum Backwards {
 }
 
 /// Columns by their place in a row.
+#[derive(Debug)]
 struct Columns {
     time: usize,
     accelerometer: Option<Triple>,
@@ -50,14 +72,48 @@ struct Columns {
 }
 
 /// Three columns and the factor to SI units.
+#[derive(Debug)]
 struct Triple {
     columns: [usize; 3],
     factor: f64,
 }
 
 impl SensorLog {
-    /// Reads a file.
+    /// Reads a whole file.
     pub(crate) fn read(path: &Path, backwards: Backwards) -> anyhow::Result<Self> {
+        let mut reader = SensorReader::open(path, backwards)?;
+        let mut log = Self::default();
+        for row in &mut reader {
+            log.time_s.push(row.time_s);
+            log.accelerometer.extend(row.accelerometer);
+            log.gyro.extend(row.gyro);
+        }
+        if log.time_s.is_empty() {
+            bail!("{}: no usable row", path.display());
+        }
+        log.damage = reader.damage;
+        Ok(log)
+    }
+
+    /// How many steps are longer than five usual ones, and the longest.
+    pub(crate) fn gaps(&self) -> Option<(usize, f64)> {
+        let limit_s = 5.0 * self.step_s();
+        let steps = self.time_s.windows(2).map(|pair| pair[1] - pair[0]);
+        let gaps: Vec<f64> = steps.filter(|step_s| *step_s > limit_s).collect();
+        (!gaps.is_empty()).then(|| (gaps.len(), gaps.iter().copied().fold(0.0, f64::max)))
+    }
+
+    /// Median time between samples.
+    pub(crate) fn step_s(&self) -> f64 {
+        let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+}
+
+impl SensorReader {
+    /// Opens a file and reads its header.
+    pub(crate) fn open(path: &Path, backwards: Backwards) -> anyhow::Result<Self> {
         let name = path.display();
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
@@ -83,62 +139,76 @@ impl SensorLog {
                 names.join(", ")
             );
         }
-        let mut log = Self::default();
-        for record in reader.records() {
-            match record {
-                Ok(record) => {
-                    let line = record.position().map_or(0, csv::Position::line);
-                    if let Err(what) = log.add(&record, &columns, backwards) {
-                        log.note(path, line, what);
-                    }
-                }
-                Err(error) => {
-                    let line = error.position().map_or(0, csv::Position::line);
-                    log.note(path, line, error.to_string());
-                }
-            }
-        }
-        if log.time_s.is_empty() {
-            bail!("{name}: no usable row");
-        }
-        Ok(log)
+        Ok(Self {
+            path: path.to_owned(),
+            records: reader.into_records(),
+            columns,
+            backwards,
+            last_s: f64::NEG_INFINITY,
+            damage: Vec::new(),
+        })
     }
 
-    /// Median time between samples.
-    pub(crate) fn step_s(&self) -> f64 {
-        let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+    /// Whether every row has a specific force.
+    pub(crate) const fn has_accelerometer(&self) -> bool {
+        self.columns.accelerometer.is_some()
     }
 
-    fn add(
-        &mut self,
-        record: &csv::StringRecord,
-        columns: &Columns,
-        backwards: Backwards,
-    ) -> Result<(), String> {
+    /// Whether every row has a rate.
+    pub(crate) const fn has_gyro(&self) -> bool {
+        self.columns.gyro.is_some()
+    }
+
+    /// What was left out so far.
+    pub(crate) fn damage(&self) -> &[Damage] {
+        &self.damage
+    }
+
+    fn row(&mut self, record: &csv::StringRecord) -> Result<SensorRow, String> {
+        let columns = &self.columns;
         let time_s = number(record, columns.time)?;
-        let last = self.time_s.last().filter(|last| time_s <= **last);
-        if let (Some(last), Backwards::LeftOut) = (last, backwards) {
-            return Err(format!("time goes back from {last} s to {time_s} s"));
+        if time_s <= self.last_s && self.backwards == Backwards::LeftOut {
+            return Err(format!("time goes back from {} s to {time_s} s", self.last_s));
         }
         let force = columns.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
         let rate = columns.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
         let angle = columns.arm_angle.map(|column| number(record, column)).transpose()?;
-        self.time_s.push(time_s);
-        self.accelerometer.extend(force);
-        self.gyro.extend(rate);
-        self.arm_angle.extend(angle.map(f64::to_radians));
-        Ok(())
+        self.last_s = time_s;
+        let arm_angle = angle.map(f64::to_radians);
+        Ok(SensorRow { time_s, accelerometer: force, gyro: rate, arm_angle })
     }
 
-    fn note(&mut self, path: &Path, line: u64, what: String) {
+    fn note(&mut self, line: u64, what: String) {
         let what = match self.damage.len() {
             0..LISTED_DAMAGE => what,
             LISTED_DAMAGE => "and more".to_owned(),
             _ => return,
         };
-        self.damage.push(Damage { file: path.display().to_string(), line, what });
+        self.damage.push(Damage { file: self.path.display().to_string(), line, what });
+    }
+}
+
+impl Iterator for SensorReader {
+    type Item = SensorRow;
+
+    /// The next row that can be used.
+    fn next(&mut self) -> Option<SensorRow> {
+        loop {
+            match self.records.next()? {
+                Ok(record) => match self.row(&record) {
+                    Ok(row) => return Some(row),
+                    Err(what) => self.note(record.position().map_or(0, csv::Position::line), what),
+                },
+                Err(error) => {
+                    let line = error.position().map_or(0, csv::Position::line);
+                    self.note(line, error.to_string());
+                    // A file that cannot be read on gives the same error for ever.
+                    if matches!(error.kind(), csv::ErrorKind::Io(_)) {
+                        return None;
+                    }
+                }
+            }
+        }
     }
 }
 

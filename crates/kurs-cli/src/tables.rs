@@ -83,7 +83,16 @@ const POINTS: &[&str] = &[
 
 /// Starts the table `attitude` alone.
 pub(crate) fn create_attitude(directory: &Path, format: TableFormat) -> anyhow::Result<Table> {
-    Table::create(directory, "attitude", format, ATTITUDE)
+    create_like_attitude(directory, "attitude", format)
+}
+
+/// Starts a table of another name with its columns.
+pub(crate) fn create_like_attitude(
+    directory: &Path,
+    stem: &str,
+    format: TableFormat,
+) -> anyhow::Result<Table> {
+    Table::create(directory, stem, format, ATTITUDE)
 }
 
 /// The tables of one run, in one format.

@@ -224,3 +224,127 @@ fn problems_are_named() {
     let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
     refused("six-position", &[words], "no sensor columns; expected ax_mps2");
 }
+
+/// Wrong local gravity: no data can tell it from a common scale error, so it is named where it is
+/// nowhere found, where it contradicts the latitude, and where all three scales point to it; not
+/// stated at all, it is in the uncertainty.
+#[test]
+fn a_wrong_gravity_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let file = [write(folder, "log.csv", &log(&six_directions(), 1, 1.0, NOISE_MPS2))];
+    let told = |more: &[&str]| {
+        let output = calibrate(folder, "six-position", &file, more);
+        let calibration = found(folder, &output).accelerometer.unwrap();
+        (text(&output.stderr) + &text(&output.stdout), calibration)
+    };
+    let (quiet, _) = told(&["--gravity", "9.81"]);
+    assert!(!quiet.contains("right?") && !quiet.contains("wrong local gravity"), "{quiet}");
+    let (words, _) = told(&["--gravity", "9.2"]);
+    assert!(words.contains("9.2 m/s² is found nowhere on the Earth"), "{words}");
+    assert!(words.contains("scale factors are off by +6.7"), "{words}");
+    assert!(words.contains("is the local gravity right? 9.81"), "{words}");
+    let (words, _) = told(&["--gravity", "9.81", "--latitude-deg", "10"]);
+    assert!(words.contains("wrong local gravity?"), "{words}");
+    assert!(words.contains("9.7819 m/s² is normal at that latitude"), "{words}");
+    let (words, unstated) = told(&[]);
+    assert!(words.contains("the local gravity is not stated"), "{words}");
+    // Truth 9.81, taken 9.806 ± 0.018: within the stated sigmas all the same.
+    errors(&unstated);
+    assert!((unstated.matrix_sd[0][0] / (0.018 / 9.806) - 1.0).abs() < 0.02);
+    let output = calibrate(folder, "six-position", &file, &["--gravity", "nan"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("--gravity: NaN found"));
+}
+
+/// A pause, times that go back, rows that are no numbers: named, and the rest is used. An axis at the
+/// end of its range is named.
+#[test]
+fn damage_in_the_log_is_named_and_survived() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let good = log(&six_directions(), 1, 1.0, NOISE_MPS2);
+    let rows: Vec<&str> = good.lines().collect();
+    let mut damaged = String::new();
+    for (k, line) in rows.iter().enumerate() {
+        let time = line.split(',').next().unwrap();
+        match k {
+            100 => writeln!(damaged, "{time},nan,0,0").unwrap(),
+            110 => writeln!(damaged, "{time},1.0").unwrap(),
+            120 => writeln!(damaged, "{}", rows[50]).unwrap(),
+            200..300 => {}
+            _ => writeln!(damaged, "{line}").unwrap(),
+        }
+    }
+    let file = [write(folder, "damaged.csv", &damaged)];
+    let output = calibrate(folder, "six-position", &file, &["--gravity", "9.81"]);
+    errors(&found(folder, &output).accelerometer.unwrap());
+    let told = text(&output.stderr);
+    assert!(told.contains("damaged.csv:101: `nan` is not a number"), "{told}");
+    assert!(told.contains("damaged.csv:111: column 3 is missing"), "{told}");
+    assert!(told.contains("damaged.csv:121: time goes back from 2.36 s to 0.98 s"), "{told}");
+    assert!(told.contains("samples are missing in 1 places, 2.02 s in the longest"), "{told}");
+
+    let clipped: String = good
+        .lines()
+        .map(|line| {
+            let clip = |field: &str| match field.parse::<f64>() {
+                Ok(value) if value > 9.0 && !line.starts_with(field) => "9.0".to_owned(),
+                _ => field.to_owned(),
+            };
+            line.split(',').map(clip).collect::<Vec<_>>().join(",") + "\n"
+        })
+        .collect();
+    let file = [write(folder, "clipped.csv", &clipped)];
+    let output = calibrate(folder, "six-position", &file, &["--gravity", "9.81"]);
+    let told = text(&output.stderr);
+    assert!(
+        told.contains("axis x reads exactly 9.0000 m/s² all through pose 1: saturated"),
+        "{told}"
+    );
+    let nothing = [write(folder, "empty.csv", "time_s,ax_mps2,ay_mps2,az_mps2\n")];
+    let output = calibrate(folder, "six-position", &nothing, &[]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("empty.csv: no usable row"));
+}
+
+fn run(arguments: &[&str]) -> Output {
+    let output = Command::new(env!("CARGO_BIN_EXE_kurs")).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    output
+}
+
+/// The whole way: a box simulated in six poses is calibrated, and the arm that carries the same
+/// accelerometers loses its tilt error with that calibration.
+#[test]
+fn a_calibration_improves_the_fusion() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples");
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let poses = folder.join("poses");
+    let scenario = examples.join("calibrate/six-poses.toml");
+    run(&["simulate", scenario.to_str().unwrap(), "--out", poses.to_str().unwrap(), "-q"]);
+    let file = [poses.join("imu.csv")];
+    let at = ["--latitude-deg", "55.75", "--height-m", "200"];
+    let output = calibrate(folder, "six-position", &file, &at);
+    let calibration = found(folder, &output).accelerometer.unwrap();
+    assert!((calibration.bias_mps2[1] + 0.5).abs() < 0.005, "{:?}", calibration.bias_mps2);
+    assert!((calibration.matrix[1][2] - 0.003).abs() < 2e-4, "{:?}", calibration.matrix);
+
+    let config = fs::read_to_string(examples.join("fuse/rotating-arm.toml")).unwrap()
+        + "matrix = [[1.01, 0.002, 0.0], [0.0, 0.985, 0.003], [0.001, 0.0, 1.008]]\n\
+           bias_mps2 = [0.3, -0.5, 0.4]\n";
+    let config = config.replace("\"manoeuvring\"", "\"calm\"");
+    let key = "sd_mps2 = 0.01\ncalibration = \"out/calibration.toml\"";
+    let tilt_deg = |config: &str| {
+        let (path, out) = (folder.join("fuse.toml"), folder.join("fused"));
+        fs::write(&path, config).unwrap();
+        run(&["fuse", path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let rms = |key: &str| summary["truth"][key].as_f64().unwrap();
+        rms("pitch_rms_deg").max(rms("roll_rms_deg"))
+    };
+    let (raw, calibrated) = (tilt_deg(&config), tilt_deg(&config.replace("sd_mps2 = 0.01", key)));
+    assert!(raw > 1.0 && calibrated < 0.5, "{raw} {calibrated}");
+}

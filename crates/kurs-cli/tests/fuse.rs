@@ -147,6 +147,10 @@ fn options_of_arm_and_filter() {
             1.5,
         ),
         (arm, "rate_hz = 1.0\naccelerometers_turn = true", 1.3),
+        (filter, "tuning = \"balanced\"\nadaptive = true", 0.6),
+        (filter, "tuning = \"calm\"\nsecond_order = false", 0.6),
+        (filter, "tuning = \"calm\"\njerk_m2_per_s5 = 1.0\nturning_density = 0.003", 0.6),
+        ("sd_mps2 = 0.01", "sd_mps2 = 0.01\nbias_sd_mps2 = 0.02", 1.3),
         (arm, "rate_hz = 0.7\nphase_deg = 200.0", 1.5),
         ("range_rate_sd_mps = 0.1", "range_rate_sd_mps = 0.1\nphase_sd_m = 0.004", 1.3),
     ] {
@@ -159,6 +163,35 @@ fn options_of_arm_and_filter() {
         let [heading, pitch, roll] = errors_deg(folder, &folder.join("out/truth.csv"), 10.0, 20.0);
         let worst = heading.max(pitch).max(roll);
         assert!(worst < bound_deg, "{to}: {heading} {pitch} {roll}");
+    }
+}
+
+/// An encoder measures the arm's angle, whose stated zero is 20° off: the filter finds the correction.
+/// Without it that looks like 20° of pitch.
+#[test]
+fn the_angle_of_the_arm_is_an_input_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let made = inputs(folder, "", "");
+    edit(&made.join("accelerometer.csv"), |k, line| {
+        let first: f64 = line.split(',').next().unwrap_or_default().parse().unwrap_or(0.0);
+        // One turn a second from second of week zero; 0.1° of noise by a saw-tooth.
+        let noise_deg = 0.17 * ((k % 7) as f64 - 3.0) / 3.0;
+        let angle_deg = 360.0 * first.fract() + noise_deg;
+        Some(if k == 0 { format!("{line},arm_deg") } else { format!("{line},{angle_deg:.4}") })
+    });
+    let path = made.join("fuse.toml");
+    let exact = fs::read_to_string(&path).unwrap();
+    let off = exact.replace("phase_deg = 0.0", "phase_deg = 20.0");
+    assert_ne!(exact, off);
+    let truth = made.join("truth.csv");
+    for (sd_deg, is_good) in [("30.0", true), ("0.0", false)] {
+        let text_of = off.replace("phase_sd_deg = 0.0", &format!("phase_sd_deg = {sd_deg}"));
+        fs::write(&path, text_of).unwrap();
+        let output = fuse_files(folder, &made);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let [heading, pitch, roll] = errors_deg(folder, &truth, 10.0, 20.0);
+        assert_eq!(heading.max(roll) < 1.5 && pitch < 1.5, is_good, "{heading} {pitch} {roll}");
     }
 }
 

@@ -1,10 +1,21 @@
-//! Simulated UBX and RTCM 3 logs, solved by themselves: the attitude is that of the RINEX files.
+//! Simulated UBX, RTCM 3 and SBF logs, solved by themselves: the attitude is that of the RINEX files.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+use std::cell::RefCell;
 use std::fs;
+use std::io::{self, Write};
 use std::path::Path;
+use std::rc::Rc;
 
 use assert_cmd::Command;
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
+use kurs::observation::AntennaEpoch;
+use kurs_formats::navigation;
+use kurs_formats::observations::ObservationSource;
+use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::sbf::SbfWriter;
+use kurs_formats::source::Source;
 
 /// Two antennas at rest, a minute, all systems, clocks that are off by less than a millisecond.
 const SCENARIO: &str = r#"
@@ -15,7 +26,7 @@ interval_s = 1.0
 signals = ["G1C", "G2L", "E1C", "E5Q", "C2I", "R1C", "J1C"]
 
 [output]
-formats = ["rinex", "ubx", "rtcm3"]
+formats = ["rinex", "ubx", "rtcm3", "sbf"]
 
 [sky]
 systems = ["G", "R", "E", "C", "J"]
@@ -35,6 +46,23 @@ fn kurs(arguments: &[&str]) {
     Command::cargo_bin("kurs").unwrap().args(arguments).assert().success();
 }
 
+/// The scenario, simulated.
+fn simulated(folder: &Path) {
+    let path = |name: &str| folder.join(name).display().to_string();
+    fs::write(path("scenario.toml"), SCENARIO).unwrap();
+    kurs(&["simulate", &path("scenario.toml"), "--out", &path("simulated"), "--quiet"]);
+}
+
+/// All epochs of a file.
+fn epochs(path: &Path) -> Vec<AntennaEpoch> {
+    let mut source = ObservationSource::open(path).unwrap();
+    let (mut all, mut epoch) = (Vec::new(), AntennaEpoch::default());
+    while source.next_epoch(&mut epoch).unwrap() {
+        all.push(epoch.clone());
+    }
+    all
+}
+
 /// Status, heading and pitch of every row.
 fn rows(folder: &Path) -> Vec<(String, f64, f64)> {
     let text = fs::read_to_string(folder.join("attitude.csv")).unwrap();
@@ -51,13 +79,12 @@ fn rows(folder: &Path) -> Vec<(String, f64, f64)> {
 fn logs_alone_give_the_attitude_of_the_rinex_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    fs::write(path("scenario.toml"), SCENARIO).unwrap();
-    kurs(&["simulate", &path("scenario.toml"), "--out", &path("simulated"), "--quiet"]);
+    simulated(folder.path());
     kurs(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
     let wanted = rows(&folder.path().join("rinex"));
     assert_eq!(wanted.len(), 61);
     assert!(wanted.iter().filter(|row| row.0 == "fixed").count() > 55, "{wanted:?}");
-    for format in ["ubx", "rtcm3"] {
+    for format in ["ubx", "rtcm3", "sbf"] {
         let antenna = |name: &str, place: &str| {
             format!("{name}={}@{place}", path(&format!("simulated/{name}.{format}")))
         };
@@ -75,5 +102,96 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
         println!("{format}: angles within {worst_deg:.4}° of those from RINEX");
         // C/N0 in whole dB-Hz (UBX) changes weights; half a millimetre on 1.2 m is 0.024°.
         assert!(worst_deg < 0.03, "{format} {worst_deg}");
+    }
+}
+
+/// Two antennas of one receiver, two stations of one stream: each in one log, chosen on the command
+/// line and in a configuration; without a choice the error says what there is.
+#[test]
+fn one_log_of_both_antennas_gives_the_same_attitude() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    simulated(folder.path());
+    kurs(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
+    let wanted = rows(&folder.path().join("rinex"));
+
+    let mut data = NavigationData::default();
+    let log = path("simulated/A0.sbf");
+    navigation::read(&mut Source::open(&log).unwrap(), &mut data).unwrap();
+    let antennas =
+        ["A0", "A1"].map(|name| epochs(&folder.path().join(format!("simulated/{name}.rnx"))));
+    let place = Vector::new(3_833_000.5, 884_000.25, 5_002_000.125);
+    let stream = Shared::default();
+    let mut sbf = SbfWriter::new(Vec::new(), &data);
+    let mut stations =
+        [7, 8].map(|station| Rtcm3Writer::new(stream.clone(), station, place, &data));
+    for (a, b) in antennas[0].iter().zip(&antennas[1]) {
+        sbf.write(&[a, b]).unwrap();
+        stations.iter_mut().zip([a, b]).for_each(|(writer, epoch)| writer.write(epoch).unwrap());
+    }
+    fs::write(path("both.sbf"), sbf.finish()).unwrap();
+    fs::write(path("both.rtcm3"), stream.0.take()).unwrap();
+
+    for (log, ids, key) in
+        [("both.sbf", ["main", "aux1"], "antenna_id"), ("both.rtcm3", ["7", "8"], "station_id")]
+    {
+        let solve = |ids: [&str; 2], out: &str| {
+            let [a0, a1] = [("A0", "0,0,0"), ("A1", "1.2,0,0")];
+            let flag =
+                |(name, place): (&str, &str), id: &str| format!("{name}={}{id}@{place}", path(log));
+            let mut command = Command::cargo_bin("kurs").unwrap();
+            command.args(["solve", "--antenna", &flag(a0, ids[0]), "--antenna", &flag(a1, ids[1])]);
+            command.args(["--out", &path(out), "--quiet"]).assert()
+        };
+        let chosen = ids.map(|id| format!("#{id}"));
+        solve([&chosen[0], &chosen[1]], log.trim_start_matches("both.")).success();
+        let found = rows(&folder.path().join(log.trim_start_matches("both.")));
+        assert_eq!(found.len(), wanted.len());
+        for (a, b) in wanted.iter().zip(&found) {
+            assert_eq!(a.0, b.0, "{log} {a:?} {b:?}");
+            let apart_deg = (a.1 - b.1).abs().max((a.2 - b.2).abs());
+            assert!(apart_deg < 0.03, "{log} {a:?} {b:?}");
+        }
+        let refused = solve(["", ""], "none").failure().code(1);
+        let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+        assert!(said.contains(key) && said.contains(&ids.join(" and ")), "{said}");
+
+        // The same with a configuration, as far as it goes: one that is not there.
+        let quoted = if key == "antenna_id" { "\"aux2\"" } else { "9" };
+        let antenna = |name: &str| {
+            format!("[[antenna]]\nname = \"{name}\"\nobs = [\"{log}\"]\n{key} = {quoted}\n")
+        };
+        fs::write(path("kurs.toml"), antenna("A0") + &antenna("A1")).unwrap();
+        let refused = Command::cargo_bin("kurs")
+            .unwrap()
+            .args(["solve", &path("kurs.toml"), "--out", &path("none"), "--quiet"])
+            .assert()
+            .failure()
+            .code(1);
+        let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+        assert!(said.contains(quoted.trim_matches('"')) && said.contains("none of"), "{said}");
+
+        let output = Command::cargo_bin("kurs").unwrap().args(["inspect", &path(log)]).assert();
+        let printed = String::from_utf8_lossy(&output.success().get_output().stdout).into_owned();
+        for id in ids {
+            let source = if key == "antenna_id" { "antenna" } else { "station" };
+            assert!(printed.contains(&format!("{log}, {source} {id}: ")), "{printed}");
+        }
+        let place = "3833000.5000, 884000.2500, 5002000.1250 m ECEF";
+        assert_eq!(printed.contains(place), key == "station_id", "{printed}");
+    }
+}
+
+/// An output that several writers write to.
+#[derive(Debug, Clone, Default)]
+struct Shared(Rc<RefCell<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.borrow_mut().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
@@ -120,6 +121,16 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => Some(reader.header()),
             Self::Log(_) => None,
+        }
+    }
+
+    /// Where the file says that the antenna is: the approximate position of a header; the place of a
+    /// station in an RTCM 3 log, as of the messages so far.
+    #[must_use]
+    pub fn stated_position_m(&self) -> Option<Vector<Ecef>> {
+        match self {
+            Self::Rinex(reader) => reader.header().approximate_position_m,
+            Self::Log(reader) => reader.place_m(),
         }
     }
 

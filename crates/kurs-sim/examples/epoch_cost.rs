@@ -2,7 +2,8 @@
 //! `cargo run --release -p kurs-sim --example epoch_cost [SCENARIO.toml] [EPOCHS]`.
 //!
 //! Prints the median and the 99th percentile over the epochs of a scenario (by default the car with
-//! its four antennas, all systems and two bands) for each constraint.
+//! its four antennas and two bands, under a sky of 30 satellites) for each constraint. The time of an
+//! epoch is the least of five runs: what else the machine does falls out.
 #![expect(clippy::print_stdout, reason = "the times are for reading")]
 
 use std::time::Instant;
@@ -16,12 +17,18 @@ use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
 
+/// The highest so many of all systems are seen, down to the horizon.
+const SATELLITES: usize = 30;
+const RUNS: usize = 5;
+
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let file = arguments.next().unwrap_or_else(|| "scenarios/car.toml".into());
     let count = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(1000);
     let text = std::fs::read_to_string(&file).expect("the scenario can be read");
-    let scenario: Scenario = toml::from_str(&text).expect("a scenario");
+    let mut scenario: Scenario = toml::from_str(&text).expect("a scenario");
+    scenario.sky.systems = ["G", "R", "E", "C"].map(str::to_owned).to_vec();
+    scenario.sky.max_satellites = Some(SATELLITES);
     let antennas = &scenario.body[0].antenna;
     let places = antennas.iter().map(|a| Vector::from_xyz(Vector3::from(a.position_m))).collect();
     let array = AntennaArray::new(places).expect("an array");
@@ -40,17 +47,23 @@ fn main() {
             antennas: array.len(),
             array: Some(array.clone()),
             constraint,
+            elevation_mask_rad: 0.0,
             ..Settings::default()
         };
-        let mut engine = Engine::new(settings, navigation.clone()).expect("settings that work");
-        let (mut times_ms, mut fixed, mut ambiguities, mut satellites) = (Vec::new(), 0, 0, 0);
-        for epoch in &epochs {
-            let start = Instant::now();
-            let row = engine.push(epoch);
-            times_ms.push(1e3 * start.elapsed().as_secs_f64());
-            fixed += usize::from(row.status == Status::Fixed);
-            ambiguities += row.ambiguities;
-            satellites += row.satellites;
+        let mut times_ms = vec![f64::INFINITY; epochs.len()];
+        let (mut fixed, mut ambiguities, mut satellites) = (0, 0, 0);
+        for _ in 0..RUNS {
+            let mut engine =
+                Engine::new(settings.clone(), navigation.clone()).expect("settings that work");
+            (fixed, ambiguities, satellites) = (0, 0, 0);
+            for (epoch, time_ms) in epochs.iter().zip(&mut times_ms) {
+                let start = Instant::now();
+                let row = engine.push(epoch);
+                *time_ms = time_ms.min(1e3 * start.elapsed().as_secs_f64());
+                fixed += usize::from(row.status == Status::Fixed);
+                ambiguities += row.ambiguities;
+                satellites += row.satellites;
+            }
         }
         times_ms.sort_by(f64::total_cmp);
         let quantile = |share: usize| times_ms[times_ms.len() * share / 100];

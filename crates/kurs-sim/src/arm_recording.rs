@@ -228,6 +228,7 @@ fn scenario(plan: &ArmRecordingPlan) -> Scenario {
             name: "arm".to_owned(),
             motion: MotionPlan::Recorded { file: "the way of the antenna".to_owned() },
             antenna: vec![antenna],
+            imu: None,
         }],
         station: None,
         outage: Vec::new(),

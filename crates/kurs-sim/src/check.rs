@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::scenario::{Antenna, MotionPlan, Place, Scenario};
+use crate::scenario::{Antenna, Imu, MotionPlan, Place, Scenario};
 use crate::simulation::ScenarioError;
 
 /// Letters of the systems that have built-in orbits.
@@ -56,6 +56,9 @@ pub(crate) fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
         of_motion(&body.motion, &mut numbers);
         for antenna in &body.antenna {
             of_antenna(antenna, scenario.interval_s, &mut numbers);
+        }
+        if let Some(imu) = &body.imu {
+            of_imu(imu, &mut numbers);
         }
     }
     if let Some(station) = &scenario.station {
@@ -115,6 +118,24 @@ fn of_place(key: &str, place: &Place, numbers: &mut Numbers) {
     ] {
         numbers.push((format!("{key}.{part}"), value, allowed));
     }
+}
+
+fn of_imu(imu: &Imu, numbers: &mut Numbers) {
+    let mut add = |key: &str, values: &[f64], allowed: Allowed| {
+        numbers.extend(values.iter().map(|value| (format!("body.imu.{key}"), *value, allowed)));
+    };
+    add("interval_s", &[imu.interval_s], Allowed::Within(1e-4, 10.0));
+    add("position_m", &imu.position_m, Allowed::Within(-1e4, 1e4));
+    add("mounting_deg", &imu.mounting_deg, ANGLE);
+    add("gyro_bias_degph", &imu.gyro_bias_degph, Allowed::Finite);
+    add("gyro_noise_deg_per_sqrt_h", &[imu.gyro_noise_deg_per_sqrt_h], Allowed::FromZero);
+    add("gyro_matrix", imu.gyro_matrix.as_flattened(), Allowed::Finite);
+    add("gyro_range_degps", &[imu.gyro_range_degps], Allowed::AboveZero);
+    add("accelerometer_bias_mps2", &imu.accelerometer_bias_mps2, Allowed::Finite);
+    let noise = imu.accelerometer_noise_mps2_per_sqrt_hz;
+    add("accelerometer_noise_mps2_per_sqrt_hz", &[noise], Allowed::FromZero);
+    add("accelerometer_matrix", imu.accelerometer_matrix.as_flattened(), Allowed::Finite);
+    add("accelerometer_range_mps2", &[imu.accelerometer_range_mps2], Allowed::AboveZero);
 }
 
 fn of_antenna(antenna: &Antenna, interval_s: f64, numbers: &mut Numbers) {

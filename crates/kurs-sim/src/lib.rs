@@ -8,6 +8,7 @@
 pub mod arm_recording;
 mod check;
 mod disturbance;
+pub mod imu;
 pub mod inertial;
 pub mod motion;
 mod motion_table;

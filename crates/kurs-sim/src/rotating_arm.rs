@@ -65,8 +65,10 @@ pub struct ArmScenario {
     pub shape: TurnShape,
     /// Roll, right side up positive, as in the paper.
     pub roll_rad: f64,
-    /// Pitch, nose down positive, as in the paper.
+    /// Pitch at time zero, nose down positive, as in the paper.
     pub pitch_rad: f64,
+    /// How fast it grows, over the top and on.
+    pub pitch_rate_radps: f64,
     /// Heading before and after the turn.
     pub heading_rad: f64,
     /// R.
@@ -114,6 +116,7 @@ impl ArmScenario {
             shape,
             roll_rad: 10f64.to_radians(),
             pitch_rad: 10f64.to_radians(),
+            pitch_rate_radps: 0.0,
             heading_rad: 30f64.to_radians(),
             radius_m: 1.0,
             rate_hz: 1.0,
@@ -205,9 +208,17 @@ impl ArmScenario {
             antenna_m: position_m + relative_m,
             antenna_velocity_mps,
             specific_force_mps2: self.triad_from_body(time_s) * (ecef_from_body.transpose() * felt),
-            angles_rad: Vector3::new(self.roll_rad, self.pitch_rad, self.heading_at_rad(time_s)),
+            angles_rad: Vector3::new(
+                self.roll_rad,
+                self.pitch_at_rad(time_s),
+                self.heading_at_rad(time_s),
+            ),
             ecef_from_body,
         }
+    }
+
+    fn pitch_at_rad(&self, time_s: f64) -> f64 {
+        self.pitch_rad + self.pitch_rate_radps * time_s
     }
 
     fn arm_angle_rad(&self, time_s: f64) -> f64 {
@@ -235,7 +246,7 @@ impl ArmScenario {
     fn nhe_from_body(&self, time_s: f64) -> Matrix3<f64> {
         let turn = |axis: Vector3<f64>, angle: f64| Rotation3::new(axis * -angle).into_inner();
         turn(Vector3::y(), self.heading_at_rad(time_s))
-            * turn(Vector3::z(), self.pitch_rad)
+            * turn(Vector3::z(), self.pitch_at_rad(time_s))
             * turn(Vector3::x(), self.roll_rad)
     }
 }

@@ -91,6 +91,9 @@ pub enum ObservationFormat {
     /// An RTCM 3 log with the ephemerides: MSM 7, 1006, 1019, 1020, 1042, 1044, 1046.
     #[serde(rename = "rtcm3")]
     Rtcm3,
+    /// A Septentrio log with the ephemerides: MeasEpoch, decoded messages and their pages.
+    #[serde(rename = "sbf")]
+    Sbf,
 }
 
 /// Which satellites there are and what hides them.
@@ -206,6 +209,37 @@ pub struct Body {
     pub motion: MotionPlan,
     /// Its antennas; the first is antenna 0.
     pub antenna: Vec<Antenna>,
+    /// Its gyros and accelerometers.
+    pub imu: Option<Imu>,
+}
+
+/// Gyros and accelerometers fixed to a body: reading = matrix × truth + bias + noise, clipped at the
+/// range.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Imu {
+    /// Time between samples.
+    pub interval_s: f64,
+    /// In body axes.
+    pub position_m: [f64; 3],
+    /// Heading, pitch, roll of its axes (forward, right, down) against the body.
+    pub mounting_deg: [f64; 3],
+    /// Constant bias of the gyros.
+    pub gyro_bias_degph: [f64; 3],
+    /// White noise of the gyros.
+    pub gyro_noise_deg_per_sqrt_h: f64,
+    /// Scale and misalignment of the gyros.
+    pub gyro_matrix: [[f64; 3]; 3],
+    /// Largest rate.
+    pub gyro_range_degps: f64,
+    /// Constant bias of the accelerometers.
+    pub accelerometer_bias_mps2: [f64; 3],
+    /// White noise of the accelerometers.
+    pub accelerometer_noise_mps2_per_sqrt_hz: f64,
+    /// Scale and misalignment of the accelerometers.
+    pub accelerometer_matrix: [[f64; 3]; 3],
+    /// Largest reading.
+    pub accelerometer_range_mps2: f64,
 }
 
 /// An antenna on a body.
@@ -433,6 +467,25 @@ pub enum BeiDouOrbit {
 impl Default for Output {
     fn default() -> Self {
         Self { formats: vec![ObservationFormat::Rinex] }
+    }
+}
+
+impl Default for Imu {
+    fn default() -> Self {
+        const EXACT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Self {
+            interval_s: 0.01,
+            position_m: [0.0; 3],
+            mounting_deg: [0.0; 3],
+            gyro_bias_degph: [0.0; 3],
+            gyro_noise_deg_per_sqrt_h: 0.1,
+            gyro_matrix: EXACT,
+            gyro_range_degps: 2000.0,
+            accelerometer_bias_mps2: [0.0; 3],
+            accelerometer_noise_mps2_per_sqrt_hz: 0.001,
+            accelerometer_matrix: EXACT,
+            accelerometer_range_mps2: 160.0,
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use kurs::time::{Calendar, GpsTime};
 
 use crate::check;
 use crate::disturbance::{self, Disturbances};
+use crate::imu::ImuRecording;
 use crate::motion::{Motion, Pose, RecordedPose};
 use crate::noise::Noise;
 use crate::nominal_orbits;
@@ -25,6 +26,7 @@ const ORBITS: u64 = 0;
 const ERRORS: u64 = 1;
 const CLOCKS: u64 = 2;
 const MOTIONS: u64 = 3;
+const IMUS: u64 = 600;
 const RECEIVERS: u64 = 1000;
 
 /// Something in the scenario cannot be.
@@ -168,6 +170,15 @@ impl Simulation {
     #[must_use]
     pub const fn epochs(&self) -> usize {
         self.epochs
+    }
+
+    /// The readings of the inertial sensor of a body, if it has one.
+    #[must_use]
+    pub fn imu(&self, body: usize) -> Option<ImuRecording> {
+        let plan = self.scenario.body.get(body)?.imu.as_ref()?;
+        let noise = Noise::stream(self.scenario.seed, IMUS + body as u64);
+        let motion = &self.bodies.get(body)?.motion;
+        Some(ImuRecording::new(plan, motion, self.scenario.duration_s, noise))
     }
 
     /// Makes the next epoch; `false` at the end of the scenario.

@@ -85,8 +85,8 @@ fn run(seed: u64) -> Run {
         let outage = time_s > OUTAGE_STARTS_S && time_s < OUTAGE_ENDS_S;
         let before = filter.clone();
         let measured = (!outage).then(|| fix(time_s, &mut noise));
-        let tally = recorder.around(&mut filter, |f| f.correct(measured.as_ref(), None));
-        run.rejected += tally.rejected;
+        let corrected = recorder.around(&mut filter, |f| f.correct(measured.as_ref(), None));
+        run.rejected += corrected.attitude.rejected;
         if (time_s - OUTAGE_ENDS_S).abs() < STEP_S / 2.0 {
             let error = attitude_error(&before.ned_from_body(), &swing.ned_from_body(time_s));
             let covariance = before.attitude_covariance();

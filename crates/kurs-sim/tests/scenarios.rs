@@ -6,7 +6,7 @@
 mod bound;
 mod solving;
 
-use kurs::engine::Constraint;
+use kurs::engine::{Constraint, Settings};
 use solving::{Tally, settings};
 
 /// At least 99 % fixed, no integer wrong.
@@ -20,6 +20,27 @@ fn moving_bodies_are_fixed_and_right() {
         solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
         println!("{name}: {tally:?}");
         assert!(tally.fixed * 100 >= tally.epochs * 99, "{name}: {tally:?}");
+        assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
+    }
+}
+
+/// Where reflections stay for seconds and houses hide half of the sky, errors are not more than 1.5
+/// times what the covariances say, with the noise that `kurs solve` assumes when it is told nothing.
+/// Every epoch of `urban` that has observations is fixed, also those in which one antenna sees next
+/// to nothing.
+#[test]
+fn covariances_hold_under_reflections() {
+    for (name, least_fixed) in [("car", 0.99), ("ship", 0.99), ("uav", 0.99), ("urban", 0.96)] {
+        let mut scenario = solving::ready(name);
+        scenario.interval_s = 1.0;
+        let known = settings(&scenario, Constraint::Array);
+        let known = Settings { noise: Settings::default().noise, ..known };
+        let mut tally = Tally::default();
+        solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
+        let optimism = (tally.normalised / (3.0 * tally.fixed as f64)).sqrt();
+        println!("{name}: errors {optimism:.2} times what they are said to be, {tally:?}");
+        assert!(optimism < 1.5, "{name}: {optimism}");
+        assert!(tally.fixed as f64 >= least_fixed * tally.epochs as f64, "{name}: {tally:?}");
         assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
     }
 }

@@ -1,4 +1,8 @@
-//! Time of the integer searches: `cargo bench -p kurs --bench ambiguity`.
+//! Time of the integer searches: `cargo bench -p kurs --bench ambiguity`. Before the table, the median
+//! and the 99th percentile over the epochs of the cases that `docs/experiments/integers.md` names.
+#![allow(clippy::print_stdout)]
+
+use std::time::Instant;
 
 use divan::{Bencher, black_box};
 use kurs::ambiguity::{
@@ -17,7 +21,28 @@ use problems::{L1_M, L2_M, Noise, Sky, seeded};
 const EPOCHS: usize = 500;
 
 fn main() {
+    quantiles("plain search, n = 60", plain(60));
+    quantiles("length-constrained search, n = 15", with_length(15));
+    quantiles("array-constrained search, 3 antennas, 10 satellites, one band", of_array(10));
     divan::main();
+}
+
+/// Times of a search, each epoch the median of five: what counts is which epochs are hard.
+fn quantiles(name: &str, mut search: impl FnMut(usize)) {
+    let mut times_ms: Vec<f64> = (0..EPOCHS)
+        .map(|epoch| {
+            let mut five = [0.0; 5].map(|_: f64| {
+                let start = Instant::now();
+                search(epoch);
+                1e3 * start.elapsed().as_secs_f64()
+            });
+            five.sort_by(f64::total_cmp);
+            five[2]
+        })
+        .collect();
+    times_ms.sort_by(f64::total_cmp);
+    let at = |share: usize| times_ms[EPOCHS * share / 100];
+    println!("{name}: p50 {:.3} ms, p99 {:.3} ms", at(50), at(99));
 }
 
 fn epochs(
@@ -36,43 +61,58 @@ fn epochs(
 }
 
 /// Dual-frequency double differences of one baseline, `n` ambiguities.
-#[divan::bench(args = [14, 30, 60, 120])]
-fn integer_least_squares(bencher: Bencher, n: usize) {
+fn plain(n: usize) -> impl FnMut(usize) {
     let epochs = epochs(n / 2 + 1, &[L1_M, L2_M], 0.3, &[Vector3::new(1.0, 0.0, 0.0)]);
     let mut search = IntegerLeastSquares::default();
-    let mut turn = epochs.iter().cycle();
-    bencher.bench_local(move || {
-        let float = turn.next().expect("a cycle has no end");
-        search.solve(float.ambiguities.as_slice(), black_box(&float.ambiguity_covariance), 2)
-    });
+    move |turn| {
+        let float = &epochs[turn % EPOCHS];
+        let covariance = black_box(&float.ambiguity_covariance);
+        let _ = black_box(search.solve(float.ambiguities.as_slice(), covariance, 2));
+    }
 }
 
 /// One band, `n` ambiguities, 1 m.
-#[divan::bench(args = [4, 7, 15])]
-fn length_constrained(bencher: Bencher, n: usize) {
+fn with_length(n: usize) -> impl FnMut(usize) {
     let epochs = epochs(n + 1, &[L1_M], 0.3, &[Vector3::new(0.6, 0.8, 0.0)]);
     let mut search = LengthConstrained::default();
     let length = Length { length_m: 1.0, sd_m: 0.002 };
-    let mut turn = epochs.iter().cycle();
-    bencher.bench_local(move || {
-        search.solve(turn.next().expect("a cycle has no end"), black_box(length), 2)
-    });
+    move |turn| {
+        let _ = black_box(search.solve(&epochs[turn % EPOCHS], black_box(length), 2));
+    }
 }
 
 /// Three antennas at a right angle, 1 m, one band.
+fn of_array(satellites: usize) -> impl FnMut(usize) {
+    let body_m = [Vector3::x(), Vector3::y()];
+    let baselines_m = [Vector3::new(0.6, 0.8, 0.0), Vector3::new(-0.8, 0.6, 0.0)];
+    let epochs = epochs(satellites, &[L1_M], 0.3, &baselines_m);
+    let mut search = ArrayConstrained::default();
+    move |turn| {
+        let float = epochs[turn % EPOCHS].clone();
+        let _ = black_box(search.solve(float, &[satellites - 1; 2], black_box(&body_m), 0.002, 2));
+    }
+}
+
+/// Each call takes the next epoch.
+fn in_turn(bencher: Bencher, mut search: impl FnMut(usize)) {
+    let mut turn = 0;
+    bencher.bench_local(move || {
+        turn += 1;
+        search(turn);
+    });
+}
+
+#[divan::bench(args = [14, 30, 60, 120])]
+fn integer_least_squares(bencher: Bencher, n: usize) {
+    in_turn(bencher, plain(n));
+}
+
+#[divan::bench(args = [4, 7, 15])]
+fn length_constrained(bencher: Bencher, n: usize) {
+    in_turn(bencher, with_length(n));
+}
+
 #[divan::bench(args = [5, 6, 8, 10])]
 fn array_constrained(bencher: Bencher, satellites: usize) {
-    let body_m = [Vector3::x(), Vector3::y()];
-    let epochs = epochs(
-        satellites,
-        &[L1_M],
-        0.3,
-        &[Vector3::new(0.6, 0.8, 0.0), Vector3::new(-0.8, 0.6, 0.0)],
-    );
-    let mut search = ArrayConstrained::default();
-    let mut turn = epochs.iter().cycle();
-    bencher.bench_local(move || {
-        let float = turn.next().expect("a cycle has no end");
-        search.solve(float.clone(), &[satellites - 1; 2], black_box(&body_m), 0.002, 2)
-    });
+    in_turn(bencher, of_array(satellites));
 }

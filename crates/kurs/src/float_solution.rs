@@ -304,13 +304,13 @@ impl FloatSolution {
         well_conditioned_inverse(&self.conditional_normal)
     }
 
-    /// The integers (cycles) that fit best to baselines known to millimetres:
-    /// `z = ⌊Λ⁻¹ (y_Φ − A_Φ x)⌉`.
+    /// Ambiguities (cycles) that follow from baselines known to millimetres: close to integers,
+    /// `Λ⁻¹ (y_Φ − A_Φ x)`.
     #[must_use]
-    pub fn nearest_integers(&self, correction_m: &DVector<f64>) -> Vec<f64> {
+    pub fn cycles(&self, correction_m: &DVector<f64>) -> Vec<f64> {
         let of_group = |phases: &Phases| {
             let remaining_m = &phases.misclosure_m - &phases.design * correction_m;
-            remaining_m.component_div(&phases.wavelengths_m).map(f64::round)
+            remaining_m.component_div(&phases.wavelengths_m)
         };
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
     }

@@ -46,6 +46,37 @@ pub struct AttitudeAccuracy {
     pub covariance_rad2: Matrix3<f64>,
 }
 
+/// A simulation ends early when the search has given up in so many epochs: each takes a second.
+const MOST_GIVEN_UP: u32 = 5;
+
+/// How often simulated epochs gave the right integers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SimulatedRate {
+    /// Epochs with the right integers.
+    pub right: u32,
+    /// All epochs, at least one.
+    pub draws: u32,
+}
+
+impl SimulatedRate {
+    /// `right / draws`.
+    #[must_use]
+    pub fn rate(self) -> f64 {
+        f64::from(self.right) / f64::from(self.draws)
+    }
+
+    /// 95 % interval of the probability (Wilson 1927):
+    /// `(p + z²/2n ± z √(p (1 − p)/n + z²/4n²)) / (1 + z²/n)`.
+    #[must_use]
+    pub fn interval(self) -> [f64; 2] {
+        const Z: f64 = 1.96;
+        let (p, n) = (self.rate(), f64::from(self.draws));
+        let z2 = Z * Z / n;
+        let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n)).sqrt();
+        [p + 0.5 * z2 - half, p + 0.5 * z2 + half].map(|edge| (edge / (1.0 + z2)).clamp(0.0, 1.0))
+    }
+}
+
 /// Accuracy of the attitude with fixed integers and the full covariance of all antennas, all of
 /// which see `sights`; `None` if the satellites are too few or too close together.
 ///
@@ -157,8 +188,8 @@ pub fn baseline_success_rate(sights: &[Sight]) -> Option<f64> {
     Some(bootstrapped_success_rate(decorrelation.conditional_variances()))
 }
 
-/// Share of `draws` simulated epochs in which the search with the known length finds the integers of
-/// one baseline; `None` if the satellites are too few or the search gives up.
+/// In how many of `draws` simulated epochs the search with the known length finds the integers of one
+/// baseline; where it gives up it does not. `None` if the satellites are too few.
 #[must_use]
 pub fn length_constrained_success_rate(
     sights: &[Sight],
@@ -166,11 +197,11 @@ pub fn length_constrained_success_rate(
     length_sd_m: f64,
     draws: u32,
     random: &mut Xoshiro256PlusPlus,
-) -> Option<f64> {
+) -> Option<SimulatedRate> {
     let length = Length { length_m: baseline_m.norm(), sd_m: length_sd_m };
     let truth_m = DVector::from_column_slice(baseline_m.xyz().as_slice());
     let mut search = LengthConstrained::default();
-    share_of_right_integers(&baseline_float(sights)?, &truth_m, draws, random, |float| {
+    count_right_integers(&baseline_float(sights)?, &truth_m, draws, random, |float| {
         Some(search.solve(float, length, 1).ok()?.into_iter().next()?.integers)
     })
 }
@@ -184,7 +215,7 @@ pub fn array_constrained_success_rate(
     array_sd_m: f64,
     draws: u32,
     random: &mut Xoshiro256PlusPlus,
-) -> Option<f64> {
+) -> Option<SimulatedRate> {
     let of_one = baseline_float(sights)?;
     let count = array.len() - 1;
     // Antenna 0 is in every difference: K = ½ (I + 11ᵀ), all covariances are K ⊗ those of one.
@@ -205,35 +236,38 @@ pub fn array_constrained_success_rate(
     let truth_m = DVector::from_iterator(3 * count, components);
     let ambiguities_of = vec![of_one.ambiguities.len(); count];
     let mut search = ArrayConstrained::default();
-    share_of_right_integers(&float, &truth_m, draws, random, |float| {
+    count_right_integers(&float, &truth_m, draws, random, |float| {
         let best = search.solve(float.clone(), &ambiguities_of, &body_m, array_sd_m, 1).ok()?;
         Some(best.into_iter().next()?.integers)
     })
 }
 
 /// Draws float solutions about the true baselines and zero integers, and counts how often `search`
-/// answers zero; `None` as soon as it gives up.
-fn share_of_right_integers(
+/// answers zero.
+fn count_right_integers(
     model: &MixedFloat,
     truth_m: &DVector<f64>,
     draws: u32,
     random: &mut Xoshiro256PlusPlus,
     mut search: impl FnMut(&MixedFloat) -> Option<Vec<i64>>,
-) -> Option<f64> {
+) -> Option<SimulatedRate> {
     let ambiguity_cholesky = model.ambiguity_covariance.clone().cholesky()?;
     let gains = ambiguity_cholesky.solve(&model.cross_covariance.transpose()).transpose();
     let ambiguity_factor = ambiguity_cholesky.unpack();
     let conditional_factor = model.conditional_covariance_m2.clone().cholesky()?.unpack();
-    let mut right = 0_u32;
-    for _ in 0..draws {
+    let mut rate = SimulatedRate { right: 0, draws: 0 };
+    let mut given_up = 0;
+    while rate.draws < draws && given_up < MOST_GIVEN_UP {
         // â = Q_a^½ n,  b̂ = b + Q_ba Q_a⁻¹ â + Q_b|a^½ n
         let ambiguities = &ambiguity_factor * standard_normal(ambiguity_factor.nrows(), random);
         let given = &conditional_factor * standard_normal(conditional_factor.nrows(), random);
         let reals_m = truth_m + &gains * &ambiguities + given;
-        let integers = search(&MixedFloat { ambiguities, reals_m, ..model.clone() })?;
-        right += u32::from(integers.iter().all(|z| *z == 0));
+        let integers = search(&MixedFloat { ambiguities, reals_m, ..model.clone() });
+        given_up += u32::from(integers.is_none());
+        rate.right += u32::from(integers.is_some_and(|integers| integers.iter().all(|z| *z == 0)));
+        rate.draws += 1;
     }
-    Some(f64::from(right) / f64::from(draws))
+    (rate.draws > 0).then_some(rate)
 }
 
 /// Independent standard normal numbers, by Box and Muller.
@@ -444,14 +478,26 @@ mod tests {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(60);
         let baseline_m = Vector::new(0.8, 0.6, 0.0);
         let constrained =
-            length_constrained_success_rate(&sights, &baseline_m, 0.002, 300, &mut random).unwrap();
+            length_constrained_success_rate(&sights, &baseline_m, 0.002, 300, &mut random);
+        let constrained = constrained.unwrap().rate();
         assert!(free > 0.01 && free < 0.9, "{free}");
         assert!(constrained > free + 0.1 && constrained <= 1.0, "{free} {constrained}");
         let attitude = Attitude { heading_rad: 0.7, pitch_rad: 0.0, roll_rad: 0.0 };
         let whole =
             array_constrained_success_rate(&roof(), &attitude, &sights, 0.002, 50, &mut random);
-        let whole = whole.unwrap();
+        let whole = whole.unwrap().rate();
         assert!(whole > constrained - 0.1 && whole <= 1.0, "{constrained} {whole}");
+    }
+
+    /// Newcombe (1998), table I: 81 of 263 and 15 of 148, none of 20.
+    #[test]
+    fn intervals_of_shares() {
+        for (right, draws, [low, high]) in
+            [(81, 263, [0.2553, 0.3662]), (15, 148, [0.0624, 0.1605]), (0, 20, [0.0, 0.1611])]
+        {
+            let found = SimulatedRate { right, draws }.interval();
+            assert!((found[0] - low).abs() < 1e-4 && (found[1] - high).abs() < 1e-4, "{found:?}");
+        }
     }
 
     #[test]

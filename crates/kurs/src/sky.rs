@@ -149,18 +149,19 @@ impl Dop {
 /// Standard deviations of one undifferenced observation, as a function of elevation `E` and C/N0:
 ///
 /// `σ_P² = σ_P0² / sin² E · 10^(d/10)`,   `σ_Φ² = σ_Φ0² ½ (1 + 1/sin² E) · 10^(d/20)`,
-/// `d = max(0, C₀ − C/N0)`
+/// `d = max(0, C₀ − 10 (1 − sin E) − C/N0)`
 ///
 /// with one zenith value for code and one for phase. Code multipath grows towards the horizon faster
-/// than phase multipath, and code suffers more from weak signals; where a receiver gives no C/N0 only
-/// the elevation counts.
+/// than phase multipath, and code suffers more from weak signals. Every antenna receives less from
+/// low satellites, by 10 dB at the horizon, so only what is missing beyond that tells of an obstacle;
+/// where a receiver gives no C/N0 only the elevation counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseModel {
     /// Code at the zenith, m.
     pub code_zenith_m: f64,
     /// Carrier phase at the zenith, m.
     pub phase_zenith_m: f64,
-    /// C/N0 above which noise does not shrink any more, dB-Hz.
+    /// C/N0 of a satellite at the zenith above which noise does not shrink any more, dB-Hz.
     pub full_cn0_dbhz: f64,
     /// GLONASS: standard deviation of a receiver's phase bias for each step of the frequency
     /// channel, against the other receivers, m. Receivers of one kind have none, mixed ones some
@@ -168,6 +169,9 @@ pub struct NoiseModel {
     pub channel_sd_m: f64,
 }
 
+/// What antennas receive less at the horizon than at the zenith, dB: 9 to 10 on L1 and E1 of geodetic
+/// ones.
+const LOSS_AT_HORIZON_DB: f64 = 10.0;
 /// Code tells the whole cycles that are common to all phases of a receiver to this.
 const COMMON_CYCLES_BY_CODE: f64 = 3.0;
 /// Steps of the GLONASS channel in the carrier frequency of channel 0, on both bands (1602 MHz over
@@ -199,7 +203,8 @@ impl NoiseModel {
         // Below 5° the 1/sin law has no measured support; it also must not reach zero.
         let sin_elevation = elevation_rad.sin().max(0.087);
         let low = 1.0 / (sin_elevation * sin_elevation);
-        let missing_db = cn0_dbhz.map_or(0.0, |cn0| (self.full_cn0_dbhz - cn0).clamp(0.0, 25.0));
+        let full_dbhz = self.full_cn0_dbhz - LOSS_AT_HORIZON_DB * (1.0 - elevation_rad.sin());
+        let missing_db = cn0_dbhz.map_or(0.0, |cn0| (full_dbhz - cn0).clamp(0.0, 25.0));
         let weak = 10f64.powf(missing_db / 20.0);
         let code = code_factor(band) * self.code_zenith_m;
         Variances {

@@ -239,6 +239,27 @@ impl Status {
 }
 
 impl Reason {
+    /// Every reason, in the order of the documentation.
+    pub const ALL: [Self; 17] = [
+        Self::FewSatellites,
+        Self::FewAntennas,
+        Self::NoEphemeris,
+        Self::NoPhase,
+        Self::TimeMismatch,
+        Self::WeakModel,
+        Self::Ratio,
+        Self::SuccessRate,
+        Self::Length,
+        Self::Geometry,
+        Self::Tilt,
+        Self::Residuals,
+        Self::TwoMinima,
+        Self::Closure,
+        Self::Budget,
+        Self::Slip,
+        Self::BadInput,
+    ];
+
     /// The word in the outputs.
     #[must_use]
     pub const fn word(self) -> &'static str {

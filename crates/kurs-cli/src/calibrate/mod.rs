@@ -14,6 +14,7 @@ use kurs::calibration::{allan, gyro_bias, multi_pose, six_position};
 use kurs::fusion::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
+use crate::failure::UsageError;
 use crate::output::OutputFile;
 use crate::sensor_log::{Backwards, SensorLog};
 
@@ -51,12 +52,16 @@ struct Input {
     /// CSV logs: time_s and ax_mps2, ay_mps2, az_mps2 (or _g, _mg), gx_radps, … (or _degps).
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// Local gravity, m/s²; by default from --latitude-deg and --height-m.
+    /// Local gravity, m/s²; by default normal gravity at --latitude-deg and --height-m.
     #[arg(long)]
     gravity: Option<f64>,
+    /// 1 sigma of the local gravity, m/s²; shows in the uncertainty of the scale. By default 0 with
+    /// --gravity, 0.0005 with --latitude-deg, 0.018 with neither.
+    #[arg(long)]
+    gravity_sd: Option<f64>,
     /// Geodetic latitude for normal gravity.
-    #[arg(long, default_value_t = 45.0, allow_negative_numbers = true)]
-    latitude_deg: f64,
+    #[arg(long, allow_negative_numbers = true)]
+    latitude_deg: Option<f64>,
     /// Height above the ellipsoid for normal gravity.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
@@ -64,6 +69,20 @@ struct Input {
     #[arg(long, value_name = "DIR", default_value = "kurs-out")]
     out: PathBuf,
 }
+
+/// The local gravity and how sure it is.
+#[derive(Debug, Clone, Copy)]
+struct Gravity {
+    mps2: f64,
+    sd_mps2: f64,
+}
+
+/// From the highest mountains of the tropics to the poles, rounded outwards.
+const GRAVITY_ON_EARTH_MPS2: core::ops::RangeInclusive<f64> = 9.75..=9.85;
+/// How far gravity is from normal gravity: 50 mGal.
+const GRAVITY_ANOMALY_SD_MPS2: f64 = 5e-4;
+/// How far it is from that of 45° anywhere on the Earth.
+const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 
 /// `calibration.toml`, as `kurs fuse` reads it.
 #[derive(Debug, Serialize)]
@@ -82,6 +101,7 @@ struct AccelerometerTable {
     matrix_sd: [[f64; 3]; 3],
     bias_sd_mps2: [f64; 3],
     gravity_mps2: f64,
+    gravity_sd_mps2: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -95,24 +115,66 @@ struct GyroTable {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.method {
         Method::SixPosition { input, levelling_deg } => {
+            let gravity = input.gravity()?;
             let poses = poses(&input.files)?;
             let levelling_rad = levelling_deg.to_radians();
-            let model = six_position::calibrate(&poses, input.gravity_mps2(), levelling_rad)?;
-            report_accelerometer(input, &poses, &model)
+            if !(0.0..=0.5).contains(&levelling_rad) {
+                let text = format!("--levelling-deg: {levelling_deg} found, 0 to 28 expected");
+                return Err(UsageError(text).into());
+            }
+            let model = six_position::calibrate(&poses, gravity.mps2, levelling_rad)?;
+            report_accelerometer(input, &gravity, &poses, &model)
         }
         Method::MultiPose { input } => {
+            let gravity = input.gravity()?;
             let poses = poses(&input.files)?;
-            let model = multi_pose::calibrate(&poses, input.gravity_mps2())?;
-            report_accelerometer(input, &poses, &model)
+            let model = multi_pose::calibrate(&poses, gravity.mps2)?;
+            report_accelerometer(input, &gravity, &poses, &model)
         }
         Method::GyroBias { input } => calibrate_gyro(input),
     }
 }
 
 impl Input {
-    fn gravity_mps2(&self) -> f64 {
-        let normal = || normal_gravity_mps2(self.latitude_deg.to_radians(), self.height_m);
-        self.gravity.unwrap_or_else(normal)
+    /// The local gravity; what is odd about it is told on the way.
+    fn gravity(&self) -> Result<Gravity, UsageError> {
+        let range = |key: &str, value: f64, least: f64, most: f64| {
+            let text = format!("{key}: {value} found, {least} to {most} expected");
+            (least..=most).contains(&value).then_some(()).ok_or(UsageError(text))
+        };
+        let latitude_deg = self.latitude_deg.unwrap_or(45.0);
+        range("--latitude-deg", latitude_deg, -90.0, 90.0)?;
+        range("--height-m", self.height_m, -12_000.0, 20_000.0)?;
+        range("--gravity", self.gravity.unwrap_or(9.8), 0.1, 100.0)?;
+        let normal_mps2 = normal_gravity_mps2(latitude_deg.to_radians(), self.height_m);
+        let usual_sd = match (self.gravity, self.latitude_deg) {
+            (Some(_), _) => 0.0,
+            (None, Some(_)) => GRAVITY_ANOMALY_SD_MPS2,
+            (None, None) => GRAVITY_ANYWHERE_SD_MPS2,
+        };
+        let gravity = Gravity {
+            mps2: self.gravity.unwrap_or(normal_mps2),
+            sd_mps2: self.gravity_sd.unwrap_or(usual_sd),
+        };
+        range("--gravity-sd", gravity.sd_mps2, 0.0, 1.0)?;
+        match (self.gravity, self.latitude_deg) {
+            (Some(stated), _) if !GRAVITY_ON_EARTH_MPS2.contains(&stated) => eprintln!(
+                "a local gravity of {stated} m/s² is found nowhere on the Earth ({} to {}): is \
+                 --gravity right?",
+                GRAVITY_ON_EARTH_MPS2.start(),
+                GRAVITY_ON_EARTH_MPS2.end()
+            ),
+            (Some(stated), Some(_)) if (stated - normal_mps2).abs() > 0.005 => eprintln!(
+                "wrong local gravity? --gravity {stated} m/s², but {normal_mps2:.4} m/s² is normal at \
+                 that latitude and height"
+            ),
+            (None, None) => eprintln!(
+                "the local gravity is not stated: {normal_mps2:.3} ± {usual_sd} m/s² is taken, which \
+                 leaves the scale uncertain; state --gravity, or --latitude-deg and --height-m"
+            ),
+            _ => {}
+        }
+        Ok(gravity)
     }
 }
 
@@ -134,7 +196,19 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
             100.0 * resting as f64 / log.accelerometer.len() as f64
         );
         let samples = &log.accelerometer;
-        poses.extend(rests.into_iter().map(|rest| static_intervals::pose(&samples[rest])));
+        for rest in rests {
+            if let Some(axis) = static_intervals::stuck_axis(&samples[rest.clone()]) {
+                eprintln!(
+                    "{}: axis {} reads exactly {:.4} m/s² all through pose {}: saturated, or its \
+                     resolution is too coarse",
+                    file.display(),
+                    ["x", "y", "z"][axis],
+                    samples[rest.start][axis],
+                    poses.len() + 1
+                );
+            }
+            poses.push(static_intervals::pose(&samples[rest]));
+        }
     }
     Ok(poses)
 }
@@ -142,17 +216,25 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
 fn read(file: &Path) -> anyhow::Result<SensorLog> {
     let log = SensorLog::read(file, Backwards::LeftOut)?;
     log.damage.iter().for_each(|damage| eprintln!("{damage}"));
+    if let Some((gaps, longest_s)) = log.gaps() {
+        eprintln!(
+            "{}: samples are missing in {gaps} places, {longest_s:.2} s in the longest",
+            file.display()
+        );
+    }
     Ok(log)
 }
 
 fn report_accelerometer(
     input: &Input,
+    gravity: &Gravity,
     poses: &[Pose],
     model: &SensorModel,
 ) -> anyhow::Result<ExitCode> {
-    let gravity_mps2 = input.gravity_mps2();
+    let Gravity { mps2: gravity_mps2, sd_mps2: gravity_sd_mps2 } = *gravity;
+    let model = &model.with_gravity_sd(gravity_mps2, gravity_sd_mps2);
     let residuals = multi_pose::residuals_mps2(poses, model, gravity_mps2);
-    println!("{} resting poses, gravity {gravity_mps2:.5} m/s²", poses.len());
+    println!("{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²", poses.len());
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         println!(
             "{name}: scale {:.6} ± {:.6}, bias {:+.5} ± {:.5} m/s²",
@@ -166,8 +248,10 @@ fn report_accelerometer(
     println!("length residuals {:.5} m/s² rms", (sum / residuals.len() as f64).sqrt());
     if let Some(common) = model.suspected_gravity_error() {
         println!(
-            "all three scale factors are off by {:+.2} %: is the local gravity right?",
-            common * 100.0
+            "all three scale factors are off by {:+.2} %: is the local gravity right? {:.3} m/s² would \
+             explain it",
+            common * 100.0,
+            gravity_mps2 * (1.0 + common)
         );
     }
     write_residuals(&input.out, poses, &residuals)?;
@@ -178,6 +262,7 @@ fn report_accelerometer(
         matrix_sd: rows(&model.matrix_sd),
         bias_sd_mps2: model.bias_sd_mps2.into(),
         gravity_mps2,
+        gravity_sd_mps2,
     };
     write_toml(&input.out, &CalibrationFile { accelerometer: Some(table), gyro: None })?;
     Ok(ExitCode::SUCCESS)

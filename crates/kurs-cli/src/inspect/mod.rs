@@ -16,6 +16,7 @@ use std::process::ExitCode;
 use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
 use kurs_formats::damage::Damage;
+use kurs_formats::logs::{self, LogPart};
 use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
@@ -77,14 +78,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let navigation = read_navigation(args)?;
     let mut reports = Vec::new();
     for file in &args.files {
-        let report = inspect(file, &navigation).unwrap_or_else(|error| Report::Unusable {
-            file: file.display().to_string(),
-            error: error.to_string(),
-        });
-        if let Report::Unusable { error, .. } = &report {
+        let found = inspect(file, &navigation).unwrap_or_else(|error| {
             eprintln!("error: {error}");
-        }
-        reports.push(report);
+            let (file, error) = (file.display().to_string(), error.to_string());
+            vec![Report::Unusable { file, error }]
+        });
+        reports.extend(found);
     }
 
     match &args.json {
@@ -145,24 +144,33 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
     Ok(data)
 }
 
-fn inspect(file: &Path, navigation: &NavigationData) -> Result<Report, ReadError> {
+/// The report on a file; on a log of several stations or antennas one for each of them.
+fn inspect(file: &Path, navigation: &NavigationData) -> Result<Vec<Report>, ReadError> {
     let mut source = Source::open(file)?;
-    match Content::of(source.start(Content::ENOUGH)?) {
+    let content = Content::of(source.start(Content::ENOUGH)?);
+    let observations = |part: Option<LogPart>| {
+        let report = observations::inspect(file, &content, part, navigation)?;
+        Ok(Report::Observations(Box::new(report)))
+    };
+    let report = match content {
         Content::RinexNavigation => {
             let content = "RINEX navigation";
             navigation::inspect(&mut source, content).map(Report::Navigation)
         }
         Content::Sp3 => navigation::inspect(&mut source, "SP3 orbits").map(Report::Navigation),
         Content::Antex => antennas::inspect(&mut source).map(Report::Antennas),
-        Content::RinexObservation
-        | Content::CompactRinex
-        | Content::Ubx
-        | Content::Rtcm3
-        | Content::Sbf => observations::inspect(source, navigation)
-            .map(|report| Report::Observations(Box::new(report))),
+        Content::Rtcm3 | Content::Sbf => {
+            let parts = logs::parts(&mut source)?;
+            if parts.len() > 1 {
+                return parts.into_iter().map(|part| observations(Some(part))).collect();
+            }
+            observations(None)
+        }
+        Content::RinexObservation | Content::CompactRinex | Content::Ubx => observations(None),
         other => Err(source.wrong_content(
             other.to_string(),
             "observations, navigation data, orbits (SP3) or antennas (ANTEX)",
         )),
-    }
+    };
+    Ok(vec![report?])
 }

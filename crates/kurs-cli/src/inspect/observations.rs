@@ -1,14 +1,16 @@
 //! An observation file, epoch by epoch.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, Observation};
 use kurs::signal::{Satellite, Signal, System};
 use kurs_formats::content::Content;
+use kurs_formats::logs::LogPart;
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rinex::observation::{Event, ObservationHeader};
-use kurs_formats::source::{ReadError, Source};
+use kurs_formats::source::ReadError;
 use serde::Serialize;
 
 use super::DamageReport;
@@ -21,7 +23,11 @@ use super::timeline::{TimeReport, Timeline};
 #[derive(Debug, Serialize)]
 pub(super) struct ObservationReport {
     pub(super) file: String,
+    /// The station or antenna of a log that has several.
+    pub(super) part: Option<String>,
     pub(super) format: String,
+    /// Approximate position of the header; place of the station of an RTCM 3 log.
+    pub(super) stated_position_ecef_m: Option<[f64; 3]>,
     /// `None` for a log.
     pub(super) header: Option<HeaderReport>,
     pub(super) time: TimeReport,
@@ -41,7 +47,6 @@ pub(super) struct HeaderReport {
     pub(super) marker: String,
     pub(super) receiver: String,
     pub(super) antenna: String,
-    pub(super) approximate_position_ecef_m: Option<[f64; 3]>,
     pub(super) interval_s: Option<f64>,
 }
 
@@ -125,16 +130,17 @@ pub(super) struct Gathered {
     epochs: u64,
 }
 
-/// Reads the file.
+/// Reads the file, of a log of several stations or antennas the one that is named.
 pub(super) fn inspect(
-    mut source: Source,
+    file: &Path,
+    content: &Content,
+    part: Option<LogPart>,
     navigation: &NavigationData,
 ) -> Result<ObservationReport, ReadError> {
-    let content = Content::of(source.start(Content::ENOUGH)?);
-    let mut source = ObservationSource::from_source(source)?;
+    let options = part.map(LogPart::options).unwrap_or_default();
+    let mut source = ObservationSource::open_with(file, &options)?;
     let mut gathered = Gathered::default();
-    let stated_m = source.header().and_then(|header| header.approximate_position_m);
-    let mut sky = SkyWatch::new(navigation, stated_m);
+    let mut sky = SkyWatch::new(navigation);
     let mut epoch = AntennaEpoch::default();
     while source.next_epoch(&mut epoch)? {
         gathered.add(&epoch, |satellite| {
@@ -143,7 +149,8 @@ pub(super) fn inspect(
         });
         sky.add(&epoch);
     }
-    let sky = sky.report();
+    let stated_m = source.stated_position_m();
+    let sky = sky.report(stated_m);
     let header = source.header();
     let mut oddities = oddities(header, &gathered, sky.as_ref());
     if sky.is_none() && !navigation.ephemerides.is_empty() {
@@ -151,7 +158,9 @@ pub(super) fn inspect(
     }
     Ok(ObservationReport {
         file: source.name().to_owned(),
-        format: format_of(&content, header),
+        part: part.map(|part| part.to_string()),
+        format: format_of(content, header),
+        stated_position_ecef_m: stated_m.map(|position_m| position_m.xyz().into()),
         header: header.map(HeaderReport::new),
         time: gathered.timeline.report(),
         satellites: gathered.satellites_by_system(),
@@ -193,9 +202,6 @@ impl HeaderReport {
             marker: joined([&header.marker_name, &header.marker_number]),
             receiver: joined([&header.receiver_type, &header.receiver_version]),
             antenna: header.antenna_type.clone(),
-            approximate_position_ecef_m: header
-                .approximate_position_m
-                .map(|position_m| position_m.xyz().into()),
             interval_s: header.interval_s,
         }
     }

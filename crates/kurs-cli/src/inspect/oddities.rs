@@ -8,7 +8,7 @@ use kurs_formats::rinex::observation::ObservationHeader;
 use super::observations::Gathered;
 use super::sky::SkyReport;
 
-/// The position of the header and the one of the code observations differ by more: m.
+/// The position in the file and the one of the code observations differ by more: m.
 const FAR_M: f64 = 200.0;
 
 /// Each oddity in one sentence.
@@ -28,9 +28,9 @@ pub(super) fn oddities(
             oddities.push("the header has no approximate position".into());
         }
     }
-    if let Some(off_m) = sky.and_then(|sky| sky.header_off_m).filter(|off_m| *off_m > FAR_M) {
+    if let Some(off_m) = sky.and_then(|sky| sky.stated_off_m).filter(|off_m| *off_m > FAR_M) {
         oddities.push(format!(
-            "the approximate position of the header is {off_m:.0} m from that of the observations"
+            "the position in the file is {off_m:.0} m from that of the observations"
         ));
     }
     if !gathered.without_channel.is_empty() {

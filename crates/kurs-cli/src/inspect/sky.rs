@@ -30,12 +30,12 @@ const NOISE: NoiseModel = NoiseModel {
 /// Where satellites were, seen from the antenna.
 #[derive(Debug, Serialize)]
 pub(super) struct SkyReport {
-    /// Antenna: mean of the positions by code, else that of the header.
+    /// Antenna: mean of the positions by code, else that in the file.
     pub(super) latitude_deg: f64,
     pub(super) longitude_deg: f64,
     pub(super) height_m: f64,
-    /// Distance of the header's position from the first one by code, m.
-    pub(super) header_off_m: Option<f64>,
+    /// Distance of the position in the file from the first one by code, m.
+    pub(super) stated_off_m: Option<f64>,
     /// Looks at the sky, at least a minute apart.
     pub(super) looks: usize,
     pub(super) rings: Vec<Ring>,
@@ -82,7 +82,6 @@ pub(super) struct Point {
 #[derive(Debug)]
 pub(super) struct SkyWatch<'a> {
     navigation: &'a NavigationData,
-    header_m: Option<Vector<Ecef>>,
     looks: Vec<Look>,
     positions_m: Vec<Vector<Ecef>>,
 }
@@ -98,8 +97,8 @@ struct Look {
 }
 
 impl<'a> SkyWatch<'a> {
-    pub(super) fn new(navigation: &'a NavigationData, header_m: Option<Vector<Ecef>>) -> Self {
-        Self { navigation, header_m, looks: Vec::new(), positions_m: Vec::new() }
+    pub(super) const fn new(navigation: &'a NavigationData) -> Self {
+        Self { navigation, looks: Vec::new(), positions_m: Vec::new() }
     }
 
     /// Takes in an epoch, if the last look was long enough ago.
@@ -128,10 +127,11 @@ impl<'a> SkyWatch<'a> {
         Some(solution.position_m)
     }
 
-    /// The sky, if there is a position, and any ephemeris of the observed systems at these times.
-    pub(super) fn report(self) -> Option<SkyReport> {
+    /// The sky, if there is a position (that of the file where there is none by code), and any
+    /// ephemeris of the observed systems at these times.
+    pub(super) fn report(self, stated_m: Option<Vector<Ecef>>) -> Option<SkyReport> {
         let by_code_m = mean(&self.positions_m);
-        let antenna_m = by_code_m.or(self.header_m)?;
+        let antenna_m = by_code_m.or(stated_m)?;
         let observed: BTreeSet<Satellite> =
             self.looks.iter().flat_map(|look| look.observed.keys().copied()).collect();
         let systems: BTreeSet<System> = observed.iter().map(|s| s.system).collect();
@@ -156,7 +156,7 @@ impl<'a> SkyWatch<'a> {
             latitude_deg: geodetic.latitude_rad.to_degrees(),
             longitude_deg: geodetic.longitude_rad.to_degrees(),
             height_m: geodetic.height_m,
-            header_off_m: self.header_off_m(),
+            stated_off_m: self.positions_m.first().zip(stated_m).map(|(a, b)| (*a - b).norm()),
             looks: self.looks.len(),
             rings: rings.into_iter().map(Ring::with_mean).collect(),
             satellites: tracks
@@ -165,11 +165,6 @@ impl<'a> SkyWatch<'a> {
                 .collect(),
             without_ephemeris: systems.difference(&covered).map(ToString::to_string).collect(),
         })
-    }
-
-    /// From the header's position to the first one by code, m.
-    fn header_off_m(&self) -> Option<f64> {
-        Some((*self.positions_m.first()? - self.header_m?).norm())
     }
 
     /// Satellites of these systems with an ephemeris.

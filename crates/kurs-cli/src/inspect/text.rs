@@ -27,7 +27,15 @@ pub(super) fn of(reports: &[Report]) -> String {
 }
 
 fn observations(report: &ObservationReport) -> String {
-    let mut text = format!("{}: {}\n", report.file, report.format);
+    let part = report.part.as_ref().map_or(String::new(), |part| format!(", {part}"));
+    let mut text = format!("{}{part}: {}\n", report.file, report.format);
+    if let (None, Some(place)) = (&report.header, report.stated_position_ecef_m) {
+        line(
+            &mut text,
+            "place",
+            &format!("{:.4}, {:.4}, {:.4} m ECEF", place[0], place[1], place[2]),
+        );
+    }
     if let Some(header) = &report.header {
         let named = [
             ("marker", &header.marker),

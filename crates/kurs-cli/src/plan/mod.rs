@@ -13,7 +13,7 @@ use anyhow::bail;
 use kurs::array::AntennaArray;
 use kurs::frames::Attitude;
 use kurs::prediction::{
-    AttitudeAccuracy, Sight, array_constrained_success_rate, attitude_accuracy,
+    AttitudeAccuracy, Sight, SimulatedRate, array_constrained_success_rate, attitude_accuracy,
     baseline_success_rate, length_constrained_success_rate,
 };
 use kurs::selection::{
@@ -29,9 +29,9 @@ use self::sky::Sky;
 use crate::failure::UsageError;
 
 /// Simulated epochs for the success rate with known length.
-const LENGTH_DRAWS: u32 = 200;
+const LENGTH_DRAWS: u32 = 1000;
 /// The same for the constraint of the whole array, whose search takes longer.
-const ARRAY_DRAWS: u32 = 50;
+const ARRAY_DRAWS: u32 = 300;
 /// Epochs over the time span that stand for all of it where every candidate costs a calculation.
 const SAMPLED_EPOCHS: usize = 24;
 /// More epochs than this are refused: a mistyped step.
@@ -95,9 +95,9 @@ struct Plan {
     sky: String,
     epochs: Vec<Epoch>,
     /// For each antenna but the first: success rate of its baseline with known length.
-    length_constrained: Vec<Option<f64>>,
+    length_constrained: Vec<Option<SimulatedRate>>,
     /// Success rate of the whole array with its geometry known.
-    array_constrained: Option<f64>,
+    array_constrained: Option<SimulatedRate>,
     improvement: Option<Improvement>,
     choices: Vec<Choice>,
 }
@@ -192,7 +192,7 @@ fn length_constrained(
     array: &AntennaArray,
     epochs: &[Epoch],
     random: &mut Xoshiro256PlusPlus,
-) -> Vec<Option<f64>> {
+) -> Vec<Option<SimulatedRate>> {
     let ned_from_body = attitude(file).ned_from_body();
     let mut rate = |rover| {
         length_constrained_success_rate(
@@ -212,7 +212,7 @@ fn array_constrained(
     array: &AntennaArray,
     epochs: &[Epoch],
     random: &mut Xoshiro256PlusPlus,
-) -> Option<f64> {
+) -> Option<SimulatedRate> {
     let sights = &median_epoch(epochs)?.sights;
     let array_sd_m = file.plan.length_sd_m;
     array_constrained_success_rate(array, &attitude(file), sights, array_sd_m, ARRAY_DRAWS, random)

@@ -4,17 +4,19 @@ use std::io::Write as _;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
+use kurs::prediction::SimulatedRate;
 use kurs::selection::{Criterion, Graph, Pair};
 use nalgebra::Vector3;
-use plotly::common::{Mode, Position, Title};
+use plotly::common::{Line, Marker, Mode, Position, Title};
 use plotly::layout::{Axis, Layout, RangeMode};
 use plotly::{Plot, Scatter};
 use serde_json::{Value, json};
 
 use super::improvement::{MARGIN_M, MOVE_M};
-use super::{ARRAY_DRAWS, Answer, Epoch, LENGTH_DRAWS, Plan};
+use super::{Answer, Epoch, Plan};
 use crate::output::OutputFile;
-use crate::page::Page;
+use crate::page::colour::{BLUE, GREEN, ORANGE, VERMILION};
+use crate::page::{Page, laid_out};
 
 /// What the report says about the choice of baselines, whatever the numbers.
 const WHEN_THE_CHOICE_MATTERS: &str = "With the full covariance of the baselines, as `kurs solve` \
@@ -101,7 +103,15 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
         .length_constrained
         .iter()
         .zip(&names[1..])
-        .map(|(rate, rover)| json!({"base": names[0], "rover": rover, "success_rate": rate}))
+        .map(|(rate, rover)| {
+            json!({
+                "base": names[0],
+                "rover": rover,
+                "success_rate": rate.map(SimulatedRate::rate),
+                "epochs": rate.map(|rate| rate.draws),
+                "interval_95": rate.map(SimulatedRate::interval),
+            })
+        })
         .collect();
     let document = json!({
         "version": env!("CARGO_PKG_VERSION"),
@@ -109,7 +119,9 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
         "antennas": names,
         "epochs": epochs,
         "length_constrained": length_constrained,
-        "array_constrained_success_rate": plan.array_constrained,
+        "array_constrained_success_rate": plan.array_constrained.map(SimulatedRate::rate),
+        "array_constrained_epochs": plan.array_constrained.map(|rate| rate.draws),
+        "array_constrained_interval_95": plan.array_constrained.map(SimulatedRate::interval),
         "improvement": improvement,
         "graph": graph_name(plan.file.plan.graph()),
         "choices": choices,
@@ -198,17 +210,21 @@ fn success_rows(plan: &Plan) -> Rows {
     unconstrained.swap(2, 3);
     let names = plan.file.names();
     let constrained = plan.length_constrained.iter().zip(&names[1..]).map(|(rate, rover)| {
-        let rate = rate.map_or_else(|| "search gave up".to_owned(), percent);
-        let name = format!("{}-{rover}, known length ({LENGTH_DRAWS} draws)", names[0]);
-        vec![name, rate, String::new(), String::new()]
+        let name = format!("{}-{rover}, known length", names[0]);
+        simulated_row(name, *rate)
     });
-    let whole = vec![
-        format!("whole array, known geometry ({ARRAY_DRAWS} draws)"),
-        plan.array_constrained.map_or_else(|| "search gave up".to_owned(), percent),
-        String::new(),
-        String::new(),
-    ];
+    let name = "whole array, known geometry".to_owned();
+    let whole = simulated_row(name, plan.array_constrained);
     std::iter::once(unconstrained).chain(constrained).chain([whole]).collect()
+}
+
+/// A rate at the median epoch with its 95 % interval.
+fn simulated_row(name: String, rate: Option<SimulatedRate>) -> Vec<String> {
+    let text = rate.map_or_else(String::new, |rate| {
+        let [low, high] = rate.interval().map(|edge| 100.0 * edge);
+        format!("{} ({low:.1}–{high:.1}; {} epochs)", percent(rate.rate()), rate.draws)
+    });
+    vec![name, text, String::new(), String::new()]
 }
 
 fn improvement_rows(plan: &Plan) -> Rows {
@@ -272,7 +288,8 @@ fn remarks(plan: &Plan) -> Vec<String> {
     remarks.push(WHEN_THE_CHOICE_MATTERS.to_owned());
     remarks.push(
         "The success rates are those of one epoch; the constrained ones are simulated at the epoch \
-         whose unconstrained rate is the median."
+         whose unconstrained rate is the median, with their 95 % interval; where the search gives up, \
+         the epoch has no integers."
             .to_owned(),
     );
     remarks
@@ -326,31 +343,47 @@ fn graph_name(graph: Graph) -> &'static str {
 fn accuracy_plot(plan: &Plan) -> Plot {
     let usable = || plan.epochs.iter().filter_map(|e| Some((e.hours, e.accuracy.as_ref()?)));
     let hours: Vec<f64> = usable().map(|(hours, _)| hours).collect();
-    let mut plot = Plot::new();
-    let mut line = |name: &str, values: Vec<f64>| {
-        plot.add_trace(Scatter::new(hours.clone(), values).mode(Mode::Lines).name(name));
+    let mut plot = laid_out(
+        Layout::new().x_axis(Axis::new().title(Title::with_text("hours"))).y_axis(
+            Axis::new()
+                .title(Title::with_text("standard deviation, °"))
+                .auto_margin(true)
+                .range_mode(RangeMode::ToZero),
+        ),
+    );
+    let mut line = |name: &str, colour: &'static str, values: Vec<f64>| {
+        let line = Line::new().color(colour);
+        plot.add_trace(Scatter::new(hours.clone(), values).mode(Mode::Lines).line(line).name(name));
     };
-    line("heading", usable().map(|(_, a)| a.heading_sd_rad.to_degrees()).collect());
-    line("pitch", usable().map(|(_, a)| a.pitch_sd_rad.to_degrees()).collect());
+    line("heading", BLUE, usable().map(|(_, a)| a.heading_sd_rad.to_degrees()).collect());
+    line("pitch", ORANGE, usable().map(|(_, a)| a.pitch_sd_rad.to_degrees()).collect());
     let rolls: Vec<f64> =
         usable().filter_map(|(_, a)| a.roll_sd_rad).map(f64::to_degrees).collect();
     if !rolls.is_empty() {
-        line("roll", rolls);
+        line("roll", GREEN, rolls);
     }
-    plot.set_layout(Layout::new().x_axis(Axis::new().title(Title::with_text("hours"))).y_axis(
-        Axis::new().title(Title::with_text("standard deviation, °")).range_mode(RangeMode::ToZero),
-    ));
     plot
 }
 
 /// Antennas with right to the right and forward up, and the baselines of the file's criterion.
 fn array_plot(plan: &Plan) -> Plot {
     let at = |antenna: usize| plan.array.positions_m()[antenna].xyz();
-    let mut plot = Plot::new();
+    let mut plot = laid_out(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("right, m")).zero_line(false))
+            .y_axis(
+                Axis::new()
+                    .title(Title::with_text("forward, m"))
+                    .auto_margin(true)
+                    .zero_line(false)
+                    .scale_anchor("x"),
+            ),
+    );
     let chosen = plan.choices.iter().find(|c| c.criterion == plan.file.plan.criterion());
     for (i, j) in chosen.and_then(|c| c.answer.as_ref().ok()).map_or(&[][..], |a| &a.pairs) {
         let line = Scatter::new(vec![at(*i).y, at(*j).y], vec![at(*i).x, at(*j).x]);
-        plot.add_trace(line.mode(Mode::Lines).show_legend(false));
+        let stroke = Line::new().color(BLUE);
+        plot.add_trace(line.mode(Mode::Lines).line(stroke).show_legend(false));
     }
     let (right, forward) =
         (0..plan.array.len()).map(|a| (at(a).y, at(a).x)).unzip::<_, _, Vec<_>, Vec<_>>();
@@ -360,12 +393,8 @@ fn array_plot(plan: &Plan) -> Plot {
             .mode(Mode::MarkersText)
             .text_array(names)
             .text_position(Position::TopCenter)
+            .marker(Marker::new().color(VERMILION).size(9))
             .show_legend(false),
-    );
-    plot.set_layout(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text("right, m")))
-            .y_axis(Axis::new().title(Title::with_text("forward, m")).scale_anchor("x")),
     );
     plot
 }

@@ -113,7 +113,7 @@ impl Report {
                 "First epoch {first} GPST; time in the plots is counted from it."
             ));
         }
-        page.table(&["", ""], &words.headline.iter().map(|row| row.to_vec()).collect::<Vec<_>>());
+        page.table(&[], &words.headline.iter().map(|row| row.to_vec()).collect::<Vec<_>>());
         if self.samples.kept_every() > 1 {
             page.paragraph(&format!(
                 "The plots show one epoch of every {}, and of each such group one that is not fixed \

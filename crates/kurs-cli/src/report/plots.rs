@@ -1,4 +1,4 @@
-//! The plots of the report, in colours that colour-blind readers tell apart (Okabe and Ito, 2008).
+//! The plots of the report.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -9,20 +9,18 @@ use kurs::sky::Horizon;
 use kurs::solution::Status;
 use kurs::time::GpsTime;
 use plotly::common::{
-    ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode, Title,
+    Anchor, ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode,
+    Orientation, Title,
 };
-use plotly::layout::{Axis, AxisType, CategoryOrder, Legend, Margin, RangeMode};
-use plotly::{Configuration, Layout, Plot, Scatter};
+use plotly::layout::{Axis, AxisConstrain, AxisType, CategoryOrder, RangeMode};
+use plotly::{Layout, Plot, Scatter};
 
 use super::Sample;
 use super::residuals::{OfCell, OfSignal, Residuals};
+use crate::page::colour::{BLUE, GREEN, GREY, ORANGE, VERMILION};
+use crate::page::laid_out;
 use crate::truth::difference_deg;
 
-const BLUE: &str = "#0072B2";
-const ORANGE: &str = "#E69F00";
-const GREEN: &str = "#009E73";
-const VERMILION: &str = "#D55E00";
-const GREY: &str = "#888888";
 const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
@@ -123,7 +121,7 @@ fn by_satellite(
 ) -> Plot {
     const SYMBOLS: [MarkerSymbol; 4] =
         [MarkerSymbol::Circle, MarkerSymbol::Square, MarkerSymbol::Diamond, MarkerSymbol::Cross];
-    let mut plot = with_layout(
+    let mut plot = laid_out(
         Layout::new()
             .x_axis(
                 Axis::new()
@@ -156,7 +154,7 @@ fn by_satellite(
 
 /// How many satellites take part.
 pub(super) fn satellites(samples: &[Sample]) -> Plot {
-    let mut plot = over_time("satellites");
+    let mut plot = over_time_from_zero("satellites");
     let count = curve(samples, |sample| Some(sample.satellites as f64));
     add_line(&mut plot, samples, count, "satellites", BLUE);
     plot
@@ -164,7 +162,7 @@ pub(super) fn satellites(samples: &[Sample]) -> Plot {
 
 /// How sure the integers are before the fact.
 pub(super) fn success_rate(samples: &[Sample]) -> Plot {
-    let mut plot = over_time("success rate");
+    let mut plot = over_time_from_zero("success rate");
     let rate = curve(samples, |sample| sample.success_rate);
     add_line(&mut plot, samples, rate, "predicted success rate", BLUE);
     plot
@@ -173,7 +171,16 @@ pub(super) fn success_rate(samples: &[Sample]) -> Plot {
 /// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
 /// their residuals, and the paths of the others.
 pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
-    let mut plot = square("", "");
+    let axis = || Axis::new().visible(false).range(vec![-1.15, 1.15]);
+    let mut plot = laid_out(
+        Layout::new()
+            .x_axis(axis().constrain(AxisConstrain::Domain))
+            .y_axis(axis().constrain(AxisConstrain::Domain).scale_anchor("x")),
+    );
+    let (east, north, letters) =
+        ([0.0, 1.08, 0.0, -1.08], [1.08, 0.0, -1.08, 0.0], ["N", "E", "S", "W"]);
+    let quarters = Scatter::new(east.to_vec(), north.to_vec()).mode(Mode::Text);
+    plot.add_trace(quarters.text_array(letters.to_vec()).show_legend(false));
     for elevation_deg in [0.0, 30.0, 60.0] {
         let circle: Vec<(f64, f64)> = (0..=72)
             .map(|k| on_disc(f64::from(k) * 5f64.to_radians(), f64::to_radians(elevation_deg)))
@@ -232,7 +239,12 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
         let millimetres: Vec<f64> = cells.iter().map(|cell| rounded(cell.phase_m * 1e3)).collect();
         let words = |(cell, mm): (&OfCell, &f64)| format!("{} {mm:.1} mm", cell.satellite);
         let names: Vec<String> = cells.iter().zip(&millimetres).map(words).collect();
-        let bar = ColorBar::new().title("phase residual, mm").thickness(12);
+        let bar = ColorBar::new()
+            .title("phase residual, mm")
+            .orientation(Orientation::Horizontal)
+            .y(-0.02)
+            .y_anchor(Anchor::Top)
+            .thickness(12);
         let marker = Marker::new()
             .color_array(millimetres)
             .cmin(0.0)
@@ -255,7 +267,11 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
 
 /// The way in metres from the first place.
 pub(super) fn track(samples: &[Sample]) -> Plot {
-    let mut plot = square("east, m", "north, m");
+    let mut plot = laid_out(
+        Layout::new()
+            .x_axis(Axis::new().title(Title::with_text("east, m")).scale_anchor("y"))
+            .y_axis(Axis::new().title(Title::with_text("north, m")).auto_margin(true)),
+    );
     let mut places = samples.iter().filter_map(|sample| sample.position);
     if let Some((first, first_m)) = places.next() {
         let ned_from_ecef = first.ned_from_ecef();
@@ -349,27 +365,14 @@ fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colo
 }
 
 fn over_time(title: &str) -> Plot {
-    with_layout(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text("time, s")))
-            .y_axis(Axis::new().title(Title::with_text(title)).auto_margin(true)),
-    )
+    with_time(Axis::new().title(Title::with_text(title)))
 }
 
-fn square(x: &str, y: &str) -> Plot {
-    with_layout(
-        Layout::new()
-            .x_axis(Axis::new().title(Title::with_text(x)).scale_anchor("y"))
-            .y_axis(Axis::new().title(Title::with_text(y)).auto_margin(true)),
-    )
+fn over_time_from_zero(title: &str) -> Plot {
+    with_time(Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
 }
 
-fn with_layout(layout: Layout) -> Plot {
-    let mut plot = Plot::new();
-    let legend = Legend::new().orientation(plotly::common::Orientation::Horizontal).y(1.12);
-    plot.set_layout(
-        layout.legend(legend).margin(Margin::new().left(55).right(15).top(30).bottom(45)),
-    );
-    plot.set_configuration(Configuration::new().responsive(true).display_logo(false));
-    plot
+fn with_time(axis: Axis) -> Plot {
+    let time = Axis::new().title(Title::with_text("time, s"));
+    laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
 }

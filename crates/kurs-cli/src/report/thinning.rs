@@ -6,7 +6,7 @@ use kurs::solution::Status;
 use super::Sample;
 
 /// Groups never exceed this number; when they do, neighbours are joined.
-const MOST: usize = 4000;
+const MOST: usize = 2000;
 
 /// See the module.
 #[derive(Debug, Default)]
@@ -84,7 +84,7 @@ mod tests {
         }
         let all = thinned.all();
         assert!((MOST / 2..=MOST).contains(&all.len()), "{}", all.len());
-        assert_eq!(thinned.kept_every(), 16);
+        assert_eq!(thinned.kept_every(), 32);
         let lost: Vec<f64> =
             all.iter().filter(|s| s.status == Status::Lost).map(|s| s.elapsed_s).collect();
         assert_eq!(lost, [1234.5]);

@@ -89,6 +89,18 @@ mask_deg = [[0, 90, 10]]
 [[body.antenna]]
 name = "A1"
 position_m = [1.0, 0.0, 0.0]
+[body.imu]
+interval_s = 0.01
+position_m = [0.1, 0.2, 0.3]
+mounting_deg = [1.0, 2.0, 3.0]
+gyro_bias_degph = [10.0, -5.0, 1.0]
+gyro_noise_deg_per_sqrt_h = 0.1
+gyro_matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+gyro_range_degps = 500.0
+accelerometer_bias_mps2 = [0.1, 0.0, -0.1]
+accelerometer_noise_mps2_per_sqrt_hz = 0.001
+accelerometer_matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+accelerometer_range_mps2 = 100.0
 [body.motion]
 "#;
 
@@ -234,6 +246,10 @@ fn values_that_cannot_be_are_refused_with_key_found_and_expected() {
         ("tag_offset_s", "0.7", &["body.antenna.tag_offset_s", "0.7", "from -0.5 to 0.5"]),
         ("turned_deg", "inf", &["body.antenna.turned_deg", "inf"]),
         ("mask_deg", "[[0, 90, 100]]", &["body.antenna.mask_deg", "100"]),
+        ("mounting_deg", "[0, 900, 0]", &["body.imu.mounting_deg", "900", "from -720 to 720"]),
+        ("gyro_range_degps", "0.0", &["body.imu.gyro_range_degps", "0", "above 0"]),
+        ("gyro_noise_deg_per_sqrt_h", "-1.0", &["body.imu.gyro_noise_deg_per_sqrt_h", "-1"]),
+        ("accelerometer_matrix", "[[1, 0, 0], [0, nan, 0], [0, 0, 1]]", &["accelerometer_matrix"]),
         ("kind", "\"boat\"", &["boat", "kind", "`ship`"]),
         ("waypoints_m", "[[0, 0]]", &["waypoints_m", "1 given"]),
         ("speed_mps", "0.0", &["body.motion.speed_mps", "0", "above 0"]),

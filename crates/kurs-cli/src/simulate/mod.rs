@@ -2,6 +2,7 @@
 
 #[cfg(test)]
 mod every_key;
+mod imu_files;
 mod observation_files;
 mod scenario_file;
 mod truth_tables;
@@ -64,10 +65,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     files.finish()?;
     write_navigation_file(&args.out, simulation.navigation())?;
     write_configurations(&args.out, &simulation)?;
+    let bodies = &simulation.scenario().body;
+    imu_files::write(&args.out, &simulation, |word, index| of_body(word, index, &bodies[index]))?;
     if !args.quiet {
-        let configuration = args.out.join("kurs.toml");
+        let [solve, fuse, solved] =
+            ["kurs.toml", "fuse.toml", "solved"].map(|name| args.out.join(name));
         println!("{} epochs written to {}", simulation.epochs(), args.out.display());
-        println!("next: kurs solve {}", configuration.display());
+        if fuse.is_file() {
+            println!("next: kurs solve {} --out {}", solve.display(), solved.display());
+            println!("then: kurs fuse {}", fuse.display());
+        } else {
+            println!("next: kurs solve {}", solve.display());
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

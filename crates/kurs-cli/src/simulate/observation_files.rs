@@ -9,6 +9,7 @@ use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
 use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::sbf::SbfWriter;
 use kurs_formats::ubx::UbxWriter;
 use kurs_sim::scenario::ObservationFormat;
 
@@ -23,6 +24,7 @@ pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
         ObservationFormat::CrinexGzip => "crx.gz",
         ObservationFormat::Ubx => "ubx",
         ObservationFormat::Rtcm3 => "rtcm3",
+        ObservationFormat::Sbf => "sbf",
     };
     format!("{antenna}.{ending}")
 }
@@ -37,6 +39,7 @@ enum Writer {
     Rinex(Box<ObservationWriter<Text>>),
     Ubx(UbxWriter<OutputFile>),
     Rtcm3(Rtcm3Writer<OutputFile>),
+    Sbf(Box<SbfWriter<OutputFile>>),
 }
 
 impl ObservationFiles {
@@ -64,6 +67,9 @@ impl ObservationFiles {
                     let writer = Rtcm3Writer::new(file, STATION, place, navigation);
                     return Ok(Writer::Rtcm3(writer));
                 }
+                ObservationFormat::Sbf => {
+                    return Ok(Writer::Sbf(Box::new(SbfWriter::new(file, navigation))));
+                }
             };
             Ok(Writer::Rinex(Box::new(ObservationWriter::new(text, header)?)))
         };
@@ -75,6 +81,7 @@ impl ObservationFiles {
             Writer::Rinex(rinex) => rinex.write(epoch),
             Writer::Ubx(ubx) => ubx.write(epoch),
             Writer::Rtcm3(rtcm) => rtcm.write(epoch),
+            Writer::Sbf(sbf) => sbf.write(&[epoch]),
         })
     }
 
@@ -83,6 +90,7 @@ impl ObservationFiles {
             Writer::Rinex(rinex) => rinex.finish()?.finish(),
             Writer::Ubx(ubx) => ubx.finish().finish(),
             Writer::Rtcm3(rtcm) => rtcm.finish().finish(),
+            Writer::Sbf(sbf) => sbf.finish().finish(),
         })
     }
 }

@@ -13,7 +13,8 @@ use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::LogOptions;
-use serde::Deserialize;
+use kurs_formats::sbf::AntennaId;
+use serde::{Deserialize, Deserializer};
 
 use crate::config_file;
 use crate::failure::UsageError;
@@ -48,6 +49,13 @@ pub(crate) struct AntennaTable {
     pub(crate) antenna_orientation_deg: Option<f64>,
     /// RTCM 3 log: the station that is this antenna.
     pub(crate) station_id: Option<u16>,
+    /// SBF log: the antenna of the receiver that is this one: main, aux1, aux2.
+    #[serde(default, deserialize_with = "antenna_id")]
+    pub(crate) antenna_id: Option<AntennaId>,
+}
+
+fn antenna_id<'de, D: Deserializer<'de>>(text: D) -> Result<Option<AntennaId>, D::Error> {
+    String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
 
 /// Antenna calibrations.
@@ -76,6 +84,9 @@ pub(crate) struct StationTable {
     pub(crate) position_ecef_m: [f64; 3],
     /// RTCM 3 log: the station that is meant.
     pub(crate) station_id: Option<u16>,
+    /// SBF log: the antenna of the receiver that is meant.
+    #[serde(default, deserialize_with = "antenna_id")]
+    pub(crate) antenna_id: Option<AntennaId>,
 }
 
 /// A further point of the body.
@@ -162,7 +173,7 @@ pub(crate) struct Loaded {
 /// What the command line adds to or puts in place of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Overrides<'a> {
-    /// `NAME=OBS[@X,Y,Z]`
+    /// `NAME=OBS[#ID][@X,Y,Z]`
     pub(crate) antennas: &'a [String],
     /// Navigation files.
     pub(crate) nav: &'a [PathBuf],
@@ -250,9 +261,14 @@ fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
     })
 }
 
-/// `NAME=OBS[@X,Y,Z]`
+/// `NAME=OBS[#ID][@X,Y,Z]`: the station (RTCM 3) or antenna (SBF) of a log that has several.
 fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
-    let expected = || UsageError(format!("--antenna {flag}: expected NAME=OBS or NAME=OBS@X,Y,Z"));
+    let expected = || {
+        UsageError(format!(
+            "--antenna {flag}: expected NAME=OBS, NAME=OBS@X,Y,Z or, of one log with several antennas, \
+             NAME=OBS#aux1@X,Y,Z"
+        ))
+    };
     let (name, rest) = flag
         .split_once('=')
         .filter(|(n, r)| !n.is_empty() && !r.is_empty())
@@ -271,6 +287,14 @@ fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
         None => (rest, None),
     };
     let mut table = toml::Table::new();
+    // A # in a file name chooses nothing.
+    let chosen = obs.rsplit_once('#').filter(|_| !Path::new(obs).exists());
+    let obs = chosen.map_or(obs, |(obs, _)| obs);
+    match chosen.map(|(_, id)| (id, id.parse::<u16>())) {
+        Some((_, Ok(station))) => table.insert("station_id".into(), i64::from(station).into()),
+        Some((id, Err(_))) => table.insert("antenna_id".into(), id.into()),
+        None => None,
+    };
     table.insert("name".into(), name.into());
     table.insert("obs".into(), toml::Value::Array(vec![absolute(Path::new(obs))]));
     if let Some(xyz) = position {
@@ -330,8 +354,13 @@ impl Loaded {
     }
 
     /// What the receiver logs of an antenna do not say by themselves.
-    pub(crate) fn log_options(&self, station_id: Option<u16>) -> LogOptions {
-        LogOptions { station: station_id, approximate_time: self.approximate_time() }
+    pub(crate) fn log_options(
+        &self,
+        station_id: Option<u16>,
+        antenna_id: Option<AntennaId>,
+    ) -> LogOptions {
+        let approximate_time = self.approximate_time();
+        LogOptions { station: station_id, antenna: antenna_id, approximate_time }
     }
 
     /// `[nav] approximate_time`

@@ -67,7 +67,7 @@ fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
         .map(|a| AntennaFiles {
             name: a.name.clone(),
             files: a.obs.iter().map(|path| loaded.path(path)).collect(),
-            options: loaded.log_options(a.station_id),
+            options: loaded.log_options(a.station_id, a.antenna_id),
         })
         .collect()
 }
@@ -77,7 +77,7 @@ fn station_files(loaded: &Loaded) -> Option<AntennaFiles> {
     Some(AntennaFiles {
         name: "station".into(),
         files: station.obs.iter().map(|path| loaded.path(path)).collect(),
-        options: loaded.log_options(station.station_id),
+        options: loaded.log_options(station.station_id, station.antenna_id),
     })
 }
 

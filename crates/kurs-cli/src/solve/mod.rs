@@ -34,7 +34,7 @@ pub(crate) struct Args {
     /// Configuration file (TOML); not needed with --antenna and --nav.
     config: Option<PathBuf>,
     /// An antenna: its name, observation file, and place on the body (m: forward, right, down).
-    #[arg(long, value_name = "NAME=OBS[@X,Y,Z]")]
+    #[arg(long, value_name = "NAME=OBS[#ID][@X,Y,Z]")]
     antenna: Vec<String>,
     /// Navigation files.
     #[arg(long, value_name = "FILE", num_args = 1..)]

@@ -9,12 +9,14 @@ pub(crate) mod frames;
 pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
 pub(crate) mod navigation;
+mod parts;
 mod reader;
 pub(crate) mod whole_cycles;
 
 use kurs::observation::Observation;
 use kurs::time::GpsTime;
 
+pub use parts::{LogPart, parts};
 pub use reader::{LogOptions, LogReader};
 
 /// A number that an observation may have: not zero, which means missing, and not absurd.

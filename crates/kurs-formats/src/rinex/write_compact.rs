@@ -142,7 +142,11 @@ impl<W: Write> CompactWriter<W> {
         for line in &self.satellites {
             text.extend_from_slice(line.get(..3).ok_or_else(|| invalid("no satellite"))?);
         }
-        let written = changes(&self.before, &text);
+        // The first one stands in full, as it is.
+        let written = match self.before.is_empty() {
+            true => text.clone(),
+            false => changes(&self.before, &text),
+        };
         self.before = text;
         self.output.write_all(written.trim_ascii_end())?;
         self.output.write_all(b"\n\n")?;
@@ -310,6 +314,7 @@ mod tests {
         let bytes = writer.finish().unwrap().finish().unwrap();
         let text = String::from_utf8(bytes.clone()).unwrap();
         assert!(text.lines().any(|line| line.starts_with("3&22")), "{text}");
+        assert!(text.contains("\n> 2024 03 10 12 00  0.0000000  0"), "{text}");
         let mut source = ObservationSource::new(std::io::Cursor::new(bytes), "compact").unwrap();
         let mut read = AntennaEpoch::default();
         for epoch in &epochs {

@@ -244,6 +244,7 @@ fn take_glonass(
 }
 
 /// GLONav.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates, neither is negative
 fn describe_glonass(
     f: &mut impl BlockFields,
     channel: &mut u64,

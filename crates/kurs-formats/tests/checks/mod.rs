@@ -61,6 +61,9 @@ fn sealed(bytes: &[u8]) -> Vec<u8> {
         let length = match *rest {
             [0xb5, 0x62, _, _, low, high, ..] => 8 + usize::from(u16::from_le_bytes([low, high])),
             [0xd3, high, low, ..] if high < 4 => 6 + usize::from(u16::from_be_bytes([high, low])),
+            [b'$', b'@', _, _, _, _, low, high, ..] => {
+                usize::from(u16::from_le_bytes([low, high])) & !3
+            }
             _ => 0,
         };
         match rest.get_mut(..length) {
@@ -69,6 +72,17 @@ fn sealed(bytes: &[u8]) -> Vec<u8> {
                     let a = a.wrapping_add(*byte);
                     (a, b.wrapping_add(a))
                 });
+            }
+            Some([b'$', _, low, high, body @ ..]) => {
+                if let [_, _, length, ..] = body {
+                    *length &= !3;
+                }
+                let bits = body.iter().flat_map(|byte| (0..8).rev().map(move |i| byte >> i & 1));
+                let crc = bits.fold(0u16, |crc, bit| {
+                    let carry = crc >> 15 ^ u16::from(bit);
+                    crc << 1 ^ if carry & 1 == 1 { 0x1021 } else { 0 }
+                });
+                [*low, *high] = crc.to_le_bytes();
             }
             Some(message @ [0xd3, ..]) => {
                 let (body, checksum) = message.split_at_mut(length - 3);

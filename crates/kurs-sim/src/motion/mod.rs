@@ -137,7 +137,7 @@ impl LevelPlane {
 }
 
 /// Heading, pitch and roll in degrees.
-fn attitude_of(angles_deg: [f64; 3]) -> Attitude {
+pub(crate) fn attitude_of(angles_deg: [f64; 3]) -> Attitude {
     let [heading_rad, pitch_rad, roll_rad] = angles_deg.map(f64::to_radians);
     Attitude { heading_rad, pitch_rad, roll_rad }
 }

@@ -5,6 +5,7 @@
 mod campaign;
 mod consistency;
 mod observability;
+mod vertical;
 
 use campaign::{ACCELERATED, COARSE, Campaign, Candidate, STEADY, Summary, corrected};
 use kurs::fusion::attitude_form::AttitudeForm::{Euler, Quaternion};

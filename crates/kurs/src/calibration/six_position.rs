@@ -76,6 +76,7 @@ fn average(group: &[&Pose]) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::print_stdout)]
     use super::*;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
@@ -136,6 +137,12 @@ mod tests {
     #[test]
     fn exact_poses() {
         let (scale, misalignment, bias, normalised) = campaign(0.0);
+        println!(
+            "exact poses: scale {:.0} ppm, misalignment {:.3} mrad, bias {:.2} mm/s², (error/σ)² {normalised:.3}",
+            scale * 1e6,
+            misalignment * 1e3,
+            bias * 1e3
+        );
         assert!((scale / 45e-6 - 1.0).abs() < 0.2, "{scale}");
         assert!((misalignment / 0.046e-3 - 1.0).abs() < 0.2, "{misalignment}");
         assert!((bias / 0.25e-3 - 1.0).abs() < 0.2, "{bias}");
@@ -147,6 +154,12 @@ mod tests {
     fn levelling_shows_in_the_uncertainty() {
         let levelling_sd_rad = 0.1f64.to_radians();
         let (scale, misalignment, bias, normalised) = campaign(levelling_sd_rad);
+        println!(
+            "0.1° of levelling: scale {:.0} ppm, misalignment {:.2} mrad, bias {:.1} mm/s², (error/σ)² {normalised:.3}",
+            scale * 1e6,
+            misalignment * 1e3,
+            bias * 1e3
+        );
         assert!(scale < 60e-6, "{scale}");
         assert!((misalignment / 1.24e-3 - 1.0).abs() < 0.2, "{misalignment}");
         assert!((bias / 5.7e-3 - 1.0).abs() < 0.2, "{bias}");
@@ -172,6 +185,11 @@ mod tests {
             pose.mean_mps2 = Vector3::zeros();
             pose.mean_mps2[k / 2] = if k % 2 == 0 { G } else { -G };
         }
+        // A gravity that is itself uncertain makes every scale so, and no bias.
+        let sure = calibrate(&ideal, G, 0.0).unwrap();
+        let unsure = sure.with_gravity_sd(G, 0.0981);
+        assert!((unsure.matrix_sd[(0, 0)] - 0.01f64.hypot(sure.matrix_sd[(0, 0)])).abs() < 1e-12);
+        assert_eq!(unsure.bias_sd_mps2, sure.bias_sd_mps2);
         let suspected = calibrate(&ideal, 9.78, 0.0).unwrap().suspected_gravity_error().unwrap();
         assert!((suspected - (9.81 / 9.78 - 1.0)).abs() < 1e-9, "{suspected}");
     }

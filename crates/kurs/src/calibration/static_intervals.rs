@@ -71,6 +71,16 @@ pub fn pose(samples: &[Vector3<f64>]) -> Pose {
     Pose { mean_mps2, sample_sd_mps2, samples: samples.len() }
 }
 
+/// The axis that reads one and the same value all the time while another one does not: at the end of
+/// its range, or stuck.
+#[must_use]
+pub fn stuck_axis(samples: &[Vector3<f64>]) -> Option<usize> {
+    let first = samples.first()?;
+    let constant = [0, 1, 2].map(|axis| samples.iter().all(|s| s[axis] == first[axis]));
+    let some_vary = constant.iter().any(|is_constant| !is_constant);
+    constant.iter().position(|is_constant| *is_constant).filter(|_| some_vary)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +109,15 @@ mod tests {
             assert!(rest.start >= k * 1000 && rest.end <= k * 1000 + 700, "{rests:?}");
             assert!(rest.len() >= 600);
         }
+    }
+
+    #[test]
+    fn an_axis_at_its_end_is_seen() {
+        let clipped: Vec<Vector3<f64>> =
+            (0..100).map(|k| Vector3::new(f64::from(k % 3), 8.0, f64::from(k % 5))).collect();
+        assert_eq!(stuck_axis(&clipped), Some(1));
+        assert_eq!(stuck_axis(&vec![Vector3::repeat(8.0); 100]), None);
+        assert_eq!(stuck_axis(&[]), None);
     }
 
     #[test]

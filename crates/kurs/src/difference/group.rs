@@ -2,14 +2,11 @@
 //!
 //! A receiver's bias is common to all satellites only for one band and one tracking code. Within a
 //! band every satellite is therefore used with one code at each antenna, and satellites with the
-//! same codes form a group with its own receiver terms. So do the geostationary satellites of
-//! BeiDou: their messages are modulated in another way, and some receivers track their phase half a
-//! cycle off that of the others
+//! same codes form a group with its own receiver terms.
 
 use std::ops::Range;
 
 use super::link::Link;
-use crate::signal::Band;
 
 /// Sorts `links` into groups and drops what cannot be differenced; returns the range of each group.
 ///
@@ -18,13 +15,13 @@ use crate::signal::Band;
 /// track different codes (one receiver L2C, the other L2P) follow, grouped by the combination.
 pub fn group(links: &mut Vec<Link>) -> Vec<Range<usize>> {
     links.sort_by_key(|link| {
-        (kind(link), link.satellite, link.antenna, preference(link.signal.attribute))
+        (link.signal.band, link.satellite, link.antenna, preference(link.signal.attribute))
     });
     links.dedup_by_key(|link| (link.signal, link.satellite, link.antenna));
 
     let mut grouped: Vec<Link> = Vec::with_capacity(links.len());
     let mut ranges = Vec::new();
-    for band in links.chunk_by(|a, b| kind(a) == kind(b)) {
+    for band in links.chunk_by(|a, b| a.signal.band == b.signal.band) {
         let mut satellites: Vec<&[Link]> = band
             .chunk_by(|a, b| a.satellite == b.satellite)
             .filter(|of_satellite| antennas(of_satellite) >= 2)
@@ -56,12 +53,6 @@ pub fn group(links: &mut Vec<Link>) -> Vec<Range<usize>> {
     }
     *links = grouped;
     ranges
-}
-
-/// Band, and whether the satellite is a geostationary one of BeiDou: what a receiver may have one
-/// bias for.
-fn kind(link: &Link) -> (Band, bool) {
-    (link.signal.band, link.satellite.is_beidou_geo())
 }
 
 /// Order of preference among tracking codes of one band: civil data and pilot components before

@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::ambiguity::array_constrained::ArrayConstrained;
+use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::search::IntegerLeastSquares;
 use crate::ambiguity::sphere::Length;
@@ -14,33 +15,41 @@ use crate::array::AntennaArray;
 use crate::baseline::Baselines;
 use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
+use crate::signal::System;
 use crate::solution::Reason;
+use crate::time::GpsTime;
 
 use super::code_free;
 use super::locate::CommonFrame;
-use super::noise_scale::NoiseScale;
+use super::noise_scale::{Independence, NoiseScale};
 use super::settings::{Ambiguities, Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
 /// The same for the search of a whole array, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
-/// Branches that the search of an array opens before it gives up: some milliseconds' worth, a hundred
-/// times what a good epoch needs.
-const ARRAY_NODES: usize = 20_000;
+/// Branches that the search of an array opens before it gives up, many times what a good epoch needs.
+const ARRAY_NODES: usize = 4_000;
 /// Rivals of an array that cost more than the best by more than this are not looked for.
 const ARRAY_HORIZON: f64 = 30.0;
 /// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
 /// never more than this, because multipath changes from satellite to satellite and with time.
-const MAX_PRIOR_FREEDOM: f64 = 30.0;
-/// Code multipath is neither white nor Gaussian: the probability of the rivals, which is computed as
-/// if it were, must stay below this share of the allowed rate (measured on recordings of one band).
-const MARGIN: f64 = 0.3;
+const MAX_PRIOR_FREEDOM: f64 = 100.0;
 /// Integers that beat all others by this ratio teach the phase noise, even while the noise level is
 /// too uncertain to accept them.
 const CLEAR_RATIO: f64 = 3.0;
+/// Models that are right more often than this choose no integers by chance.
+const STRONG_MODEL: f64 = 0.999;
+/// Baselines that stay less certain than this, although the integers are known, have a geometry so
+/// poor that other integers fit as well, m.
+const MAX_FIXED_SD_M: f64 = 0.3;
 /// A fix whose phase residuals are this many times larger than their weights say is no fix.
 const MAX_UNIT_WEIGHT: f64 = 4.0;
+/// Integers of baselines that leave more than this, in cycles, around a triangle of antennas do not
+/// close.
+const MAX_CLOSURE_CYCLES: f64 = 0.25;
+/// A model that was expected to be right less often than this is too weak to blame the rivals.
+const LEAST_SUCCESS: f64 = 0.5;
 /// A length that is off by more than this many standard deviations breaks the known geometry.
 const MAX_LENGTH_SD: f64 = 5.0;
 
@@ -53,6 +62,32 @@ pub(super) enum Verdict {
     Float(Reason),
     /// Sure, but against what is known: refused.
     Refused(Reason),
+}
+
+impl Verdict {
+    /// Whether the integers are sure, so that the baselines may be laid against the known array.
+    pub(super) fn is_sure(self) -> bool {
+        matches!(self, Self::Fixed | Self::Refused(Reason::Length))
+    }
+
+    /// Whether one system may have spoilt integers that the model is strong enough for.
+    pub(super) fn is_spoilt(self) -> bool {
+        matches!(
+            self,
+            Self::Float(Reason::Ratio | Reason::Budget | Reason::Slip)
+                | Self::Refused(Reason::Residuals)
+        )
+    }
+
+    /// The same where too many cycle slips at once left the epoch alone: that is why it is not sure.
+    pub(super) fn after_many_slips(self) -> Self {
+        match self {
+            Self::Float(Reason::Ratio | Reason::SuccessRate | Reason::Budget) => {
+                Self::Float(Reason::Slip)
+            }
+            other => other,
+        }
+    }
 }
 
 /// Baselines of the epoch with what is known of their integers.
@@ -72,6 +107,16 @@ pub(super) struct Outcome {
     pub(super) best: Option<(Vec<f64>, f64)>,
 }
 
+/// Part of an epoch whose integers are accepted.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub(super) links: Vec<Link>,
+    pub(super) groups: Vec<Range<usize>>,
+    pub(super) float: FloatSolution,
+    pub(super) outcome: Outcome,
+    rivals: f64,
+}
+
 /// The best integers and how they stand against the others.
 struct Found {
     /// In the order of the float solution's ambiguities, cycles.
@@ -82,6 +127,9 @@ struct Found {
     rivals: f64,
     /// Bootstrapped.
     success_rate: f64,
+    /// Whether the integers of single baselines agree around triangles of antennas; those of a joint
+    /// search always do.
+    close: bool,
 }
 
 /// The searches with their memory, and the noise of the session.
@@ -92,6 +140,9 @@ pub(super) struct Fixer {
     array: ArrayConstrained,
     code: NoiseScale,
     phase: NoiseScale,
+    independence: Independence,
+    /// Of the epoch, beside those before.
+    weight: f64,
 }
 
 impl Default for Fixer {
@@ -105,11 +156,18 @@ impl Default for Fixer {
             array,
             code: NoiseScale::default(),
             phase: NoiseScale::default(),
+            independence: Independence::default(),
+            weight: 1.0,
         }
     }
 }
 
 impl Fixer {
+    /// Begins the epoch at `time`.
+    pub(super) fn begin(&mut self, time: GpsTime) {
+        self.weight = self.independence.weight(time);
+    }
+
     /// Float solution with the noise level of the session, which learns from its code residuals.
     pub(super) fn float(
         &mut self,
@@ -119,7 +177,7 @@ impl Fixer {
     ) -> Result<FloatSolution, NoFloat> {
         let rovers: Vec<usize> = frame.rovers().collect();
         FloatSolution::solve(links, groups, frame.reference, &rovers, |code_fit| {
-            self.code.learn(code_fit, 1.0);
+            self.code.learn(code_fit, 1.0, self.weight);
             self.factors()
         })
     }
@@ -128,13 +186,61 @@ impl Fixer {
         VarianceFactors { code: self.code.variance_factor(), phase: self.phase.variance_factor() }
     }
 
-    /// Searches the integers of the epoch under the constraint in force, and judges them.
+    /// Integers of the epoch alone without one of its systems, one after the other left out: a biased
+    /// constellation spoils those of all. Each trial may go wrong, so each is allowed its share of the
+    /// rate only; the surest one counts.
+    pub(super) fn fix_without_one_system(
+        &mut self,
+        links: &[Link],
+        frame: &CommonFrame,
+        settings: &Settings,
+    ) -> Option<Part> {
+        let mut systems: Vec<System> = links.iter().map(|l| l.satellite.system).collect();
+        systems.sort_unstable();
+        systems.dedup();
+        if systems.len() < 2 {
+            return None;
+        }
+        let rate = settings.max_wrong_fix_rate / systems.len() as f64;
+        let without = |spoilt: &System| {
+            let rest = links.iter().filter(|l| l.satellite.system != *spoilt).copied();
+            self.fix_part(rest.collect(), frame, settings, rate)
+        };
+        systems.iter().filter_map(without).min_by(|a, b| a.rivals.total_cmp(&b.rivals))
+    }
+
+    fn fix_part(
+        &mut self,
+        mut links: Vec<Link>,
+        frame: &CommonFrame,
+        settings: &Settings,
+        rate: f64,
+    ) -> Option<Part> {
+        let groups = difference::group(&mut links);
+        let rovers: Vec<usize> = frame.rovers().collect();
+        let factors = self.factors();
+        let float =
+            FloatSolution::solve(&links, &groups, frame.reference, &rovers, |_| factors).ok()?;
+        let outcome = self.fix(&float, &links, frame, settings, rate);
+        let rivals = outcome.best.as_ref()?.1;
+        (outcome.verdict == Verdict::Fixed).then_some(Part {
+            links,
+            groups,
+            float,
+            outcome,
+            rivals,
+        })
+    }
+
+    /// Searches the integers of the epoch under the constraint in force, and judges them: of its fixes
+    /// a share of `rate` may be wrong.
     pub(super) fn fix(
         &mut self,
         float: &FloatSolution,
         links: &[Link],
         frame: &CommonFrame,
         settings: &Settings,
+        rate: f64,
     ) -> Outcome {
         let code_free = settings.constraint != Constraint::None
             && settings.ambiguities == Ambiguities::Instantaneous
@@ -156,22 +262,39 @@ impl Fixer {
             }
             (Constraint::Array, Some(array)) => self
                 .with_array(float, frame, array, settings.array_sd_m)
-                .or_else(|reason| self.against_geometry(reason, float, settings)),
+                .or_else(|reason| self.without_array(reason, float, links, frame, settings, rate)),
             _ => self.without_constraint(float),
         };
         match found {
             Ok(found) => {
-                let fit = outcome.judge(&found, float, frame, settings);
+                let fit = outcome.judge(&found, float, frame, settings, rate);
                 // The residual test may refuse just because the level is not known yet.
-                if found.rivals <= MARGIN * settings.max_wrong_fix_rate
-                    || found.ratio >= CLEAR_RATIO
-                {
-                    self.phase.learn(fit, self.phase.variance_factor());
+                if found.rivals <= rate || found.ratio >= CLEAR_RATIO {
+                    let applied = self.phase.variance_factor();
+                    if found.success_rate > STRONG_MODEL {
+                        self.phase.learn(fit, applied, self.weight);
+                    } else {
+                        self.phase.learn_from_chosen(fit, applied, self.weight);
+                    }
                 }
             }
-            Err(reason) => outcome.verdict = Verdict::Float(reason),
+            Err(reason) => {
+                outcome.verdict = Verdict::Float(reason);
+                outcome.success_rate = self.predicted_success(settings.constraint);
+            }
         }
         outcome
+    }
+
+    /// What the model of the last search promised, for one that came to no end.
+    fn predicted_success(&self, constraint: Constraint) -> Option<f64> {
+        let decorrelation = match constraint {
+            Constraint::None => self.free.decorrelation(),
+            Constraint::Length => self.length.decorrelation(),
+            Constraint::Array => self.array.decorrelation(),
+        };
+        let variances = decorrelation.conditional_variances();
+        (!variances.is_empty()).then(|| bootstrapped_success_rate(variances))
     }
 
     /// All ambiguities of all baselines together, nothing known of the geometry.
@@ -221,16 +344,25 @@ impl Fixer {
         self.weigh(&integers, &costs, self.array.proven_to(), float, rate)
     }
 
-    /// A search that finds no end may have been told a wrong array: integers that are sure without it
-    /// show that, by the checks that they are going to fail.
-    fn against_geometry(
+    /// Where the search of the array finds no end, integers that are sure without it: of all baselines
+    /// with nothing known, or of each with its length. If the array is wrong, they show it by the checks
+    /// that they are going to fail.
+    fn without_array(
         &mut self,
         reason: Reason,
         float: &FloatSolution,
+        links: &[Link],
+        frame: &CommonFrame,
         settings: &Settings,
+        rate: f64,
     ) -> Result<Found, Reason> {
-        let sure = |found: &Found| found.rivals <= MARGIN * settings.max_wrong_fix_rate;
-        self.without_constraint(float).ok().filter(sure).ok_or(reason)
+        let sure = |found: &Found| found.rivals <= rate;
+        if let Some(found) = self.without_constraint(float).ok().filter(sure) {
+            return Ok(found);
+        }
+        let Some(array) = &settings.array else { return Err(reason) };
+        let by_lengths = self.with_lengths(float, links, frame, array, settings.array_sd_m, false);
+        by_lengths.ok().filter(sure).ok_or(reason)
     }
 
     /// Each baseline by itself with its known length; the joint ambiguities follow from the
@@ -254,8 +386,13 @@ impl Fixer {
                 self.one_length(float, frame.approximate_m[0].xyz(), length(rover), code_free)?;
             return Ok(found);
         }
-        let mut joint =
-            Found { integers: Vec::new(), ratio: f64::INFINITY, rivals: 0.0, success_rate: 1.0 };
+        let mut joint = Found {
+            integers: Vec::new(),
+            ratio: f64::INFINITY,
+            rivals: 0.0,
+            success_rate: 1.0,
+            close: true,
+        };
         let mut corrections_m = DVector::zeros(float.correction_m.len());
         for (block, rover) in float.rovers.iter().enumerate() {
             let mut of_pair: Vec<Link> = links
@@ -277,7 +414,9 @@ impl Fixer {
             joint.rivals += found.rivals;
             joint.success_rate *= found.success_rate;
         }
-        joint.integers = float.nearest_integers(&corrections_m);
+        let cycles = float.cycles(&corrections_m);
+        joint.integers = cycles.iter().map(|cycles| cycles.round()).collect();
+        joint.close = cycles.iter().all(|c| (c - c.round()).abs() <= MAX_CLOSURE_CYCLES);
         Ok(joint)
     }
 
@@ -313,8 +452,12 @@ impl Fixer {
             }
             Err(error) => return Err(reason(error)),
         };
-        let variances = self.length.decorrelation().conditional_variances();
-        let rate = bootstrapped_success_rate(variances);
+        let mut decorrelation = Decorrelation::default();
+        if code_free {
+            decorrelation.compute(&float.ambiguity_covariance).map_err(reason)?;
+        }
+        let searched = if code_free { &decorrelation } else { self.length.decorrelation() };
+        let rate = bootstrapped_success_rate(searched.conditional_variances());
         let found = self.weigh(&best, &costs, proven_to, float, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
@@ -345,6 +488,7 @@ impl Fixer {
             // What was not found costs at least `proven_to`: it counts as one more rival.
             rivals: others.iter().chain([&proven_to]).map(likelihood).sum(),
             success_rate,
+            close: true,
         })
     }
 }
@@ -411,6 +555,7 @@ impl Outcome {
         float: &FloatSolution,
         frame: &CommonFrame,
         settings: &Settings,
+        rate: f64,
     ) -> Fit {
         self.success_rate = Some(found.success_rate);
         self.ratio = Some(found.ratio);
@@ -420,12 +565,19 @@ impl Outcome {
             return Fit::default();
         };
         self.residual_rms_m = Some(conditional.residual_rms_m);
-        if found.rivals > MARGIN * settings.max_wrong_fix_rate {
-            self.verdict = Verdict::Float(Reason::Ratio);
+        if conditional.covariance_m2.diagonal().max().sqrt() > MAX_FIXED_SD_M {
+            self.verdict = Verdict::Float(Reason::WeakModel);
+            return Fit::default();
+        }
+        if found.rivals > rate {
+            let weak = found.success_rate < LEAST_SUCCESS;
+            self.verdict = Verdict::Float(if weak { Reason::SuccessRate } else { Reason::Ratio });
             return conditional.phase_fit;
         }
         self.baselines.vectors_m = frame.approximate() + &conditional.correction_m;
-        self.verdict = if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
+        self.verdict = if !found.close {
+            Verdict::Refused(Reason::Closure)
+        } else if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
             Verdict::Refused(Reason::Residuals)
         } else if self.breaks_length(&conditional, settings) {
             Verdict::Refused(Reason::Length)

@@ -107,8 +107,14 @@ pub(super) fn common_frame(located: &[Located]) -> Result<CommonFrame, Reason> {
     let positioned = located.iter().find_map(|l| Some((l, l.point.as_ref().ok()?)));
     let Some((anchor, anchor_point)) = positioned else {
         let seen = |l: &Located| l.tracked.len() < l.without_ephemeris;
-        let without = located.iter().any(seen);
-        return Err(if without { Reason::NoEphemeris } else { Reason::FewSatellites });
+        let diverged = |l: &Located| matches!(l.point, Err(NoPosition::Diverged));
+        return Err(if located.iter().any(seen) {
+            Reason::NoEphemeris
+        } else if located.iter().any(diverged) {
+            Reason::BadInput
+        } else {
+            Reason::FewSatellites
+        });
     };
     let reference = &located[0];
     let anchor_velocity = anchor.velocity.map_or(Vector::new(0.0, 0.0, 0.0), |v| v.velocity_mps);

@@ -3,14 +3,16 @@
 mod channel_bias;
 mod code_free;
 mod fix;
-mod geometry_doubt;
 mod locate;
+mod misfit;
 mod noise_scale;
 mod orientation;
 mod settings;
 mod station;
 
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
+
+use core::ops::Range;
 
 use crate::antenna_calibration::MountedAntenna;
 use crate::baseline::Baselines;
@@ -23,12 +25,12 @@ use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{EpochSolution, PositionEstimate, Reason, Status};
+use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
 use channel_bias::ChannelBiases;
 use fix::{Fixer, Verdict};
-use geometry_doubt::GeometryDoubt;
-use locate::{Located, locate};
+use locate::{CommonFrame, Located, locate, shared_satellites};
+use misfit::MeanMisfit;
 use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
@@ -43,7 +45,7 @@ pub struct Engine {
     carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
     channel_biases: ChannelBiases,
-    geometry_doubt: GeometryDoubt,
+    mean_misfit: MeanMisfit,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
@@ -73,7 +75,7 @@ impl Engine {
             links: Vec::new(),
             fixer: Fixer::default(),
             channel_biases: ChannelBiases::default(),
-            geometry_doubt: GeometryDoubt::default(),
+            mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
             station: None,
@@ -118,8 +120,9 @@ impl Engine {
         if let Err(reason) = self.relative(epoch, &mut row, false) {
             row.reason = Some(reason);
         }
-        // Phases of GLONASS whose receivers may be unlike can be what spoils the fix.
-        if row.status != Status::Fixed && self.channel_biases.any_unknown() {
+        // What unlike receivers have a bias for can be what spoils the fix.
+        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
+        if row.status != Status::Fixed && may_be_unlike {
             let mut without = alone;
             let done = self.relative(epoch, &mut without, true);
             if done.is_ok() && without.status == Status::Fixed {
@@ -149,16 +152,18 @@ impl Engine {
         });
     }
 
-    /// The float solution of the epoch with what earlier epochs know of its ambiguities.
+    /// The float solution of the epoch with what earlier epochs know of its ambiguities, and whether
+    /// so many of them slipped that nothing is left of that.
     fn carry(
         &mut self,
         float: FloatSolution,
-        frame: &locate::CommonFrame,
+        frame: &CommonFrame,
         time: GpsTime,
-    ) -> FloatSolution {
-        let Some((continuity, memory)) = &mut self.carried else { return float };
+    ) -> (FloatSolution, bool) {
+        let Some((continuity, memory)) = &mut self.carried else { return (float, false) };
         let arc = |link: &Link| continuity.number(link.antenna, link.satellite, link.signal);
-        memory.update(float, &self.links, &frame.approximate(), time, arc)
+        let float = memory.update(float, &self.links, &frame.approximate(), time, arc);
+        (float, memory.began_anew())
     }
 
     /// The instant of the first antenna that has a position: its tag less its clock bias.
@@ -182,35 +187,32 @@ impl Engine {
         })
     }
 
-    /// Differences, float solution, integers, baselines, attitude; without the phases of GLONASS
-    /// whose biases are not known, if they are to be left out.
+    /// Differences, float solution, integers, baselines, attitude; without the phases that unlike
+    /// receivers have unknown biases for, if they are to be left out.
     fn relative(
         &mut self,
         epoch: &ArrayEpoch,
         row: &mut EpochSolution,
         leave_out_unknown: bool,
     ) -> Result<(), Reason> {
-        let frame = locate::common_frame(&self.located)?;
-        self.form_links(epoch, &frame);
-        if self.settings.ambiguities == Ambiguities::Instantaneous {
-            let ephemerides = &self.navigation.ephemerides;
-            let channel = |satellite| ephemerides.glonass_channel(satellite);
-            let (links, noise) = (&mut self.links, &self.settings.noise);
-            self.channel_biases.apply(links, frame.reference, noise, channel, leave_out_unknown);
-        }
-        self.align_phases();
-        let groups = difference::group(&mut self.links);
-        row.shared_satellites = locate::shared_satellites(&self.links);
+        self.fixer.begin(epoch.time);
+        let (frame, mut groups, float) = self.float(epoch, row, leave_out_unknown)?;
+        let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
-        let float =
-            self.fixer.float(&self.links, &groups, &frame).map_err(|error| match error {
-                NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites => Reason::FewSatellites,
-            })?;
-        let float = self.carry(float, &frame, epoch.time);
+        let rate = self.settings.max_wrong_fix_rate;
+        let mut outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings, rate);
+        if anew {
+            outcome.verdict = outcome.verdict.after_many_slips();
+        }
+        if outcome.verdict.is_spoilt() {
+            let part = self.fixer.fix_without_one_system(&self.links, &frame, &self.settings);
+            if let Some(part) = part {
+                (self.links, groups) = (part.links, part.groups);
+                (float, outcome) = (part.float, part.outcome);
+            }
+        }
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
-
-        let outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings);
         row.success_rate = outcome.success_rate;
         row.ratio = outcome.ratio;
         row.residual_rms_m = outcome.residual_rms_m;
@@ -232,16 +234,70 @@ impl Engine {
             self.settings.array.as_ref(),
             self.settings.array_sd_m,
         );
-        let (status, reason) = judge(outcome.verdict, &orientation, &self.settings);
-        (row.status, row.reason) = self.geometry_doubt.judge(status, reason);
+        if let (Some(misfit), true) = (&orientation.misfit, outcome.verdict.is_sure()) {
+            self.mean_misfit.take(misfit, epoch.time);
+        }
+        (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
-        row.attitude = orientation.ok();
+        row.attitude = orientation.attitude.ok();
         if row.status == Status::Fixed {
             self.channel_biases.learn(&outcome.baselines.rovers, &outcome.correction_m);
         }
         self.remember_axes(row);
         self.place_body(&outcome.baselines, row);
         Ok(())
+    }
+
+    /// The float solution of all antennas, or of all but those that see too few satellites.
+    fn float(
+        &mut self,
+        epoch: &ArrayEpoch,
+        row: &mut EpochSolution,
+        leave_out_unknown: bool,
+    ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
+        loop {
+            let frame = locate::common_frame(&self.located)?;
+            self.form_links(epoch, &frame);
+            self.take_out_unlike(frame.reference, leave_out_unknown);
+            self.align_phases();
+            let groups = difference::group(&mut self.links);
+            row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
+            match self.fixer.float(&self.links, &groups, &frame) {
+                Ok(float) => return Ok((frame, groups, float)),
+                Err(NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites)
+                    if self.located.len() <= 2 =>
+                {
+                    return Err(Reason::FewSatellites);
+                }
+                Err(_) => {
+                    let links_of =
+                        |l: &Located| self.links.iter().filter(|k| k.antenna == l.antenna).count();
+                    let least = (0..self.located.len()).min_by_key(|i| links_of(&self.located[*i]));
+                    self.located.remove(least.unwrap_or(0));
+                }
+            }
+        }
+    }
+
+    /// Whether geostationary satellites of BeiDou take part: some receivers have their phases a part
+    /// of a cycle off those of the others, for their messages are modulated in another way.
+    fn any_geostationary(&self) -> bool {
+        self.links.iter().any(|link| link.satellite.is_beidou_geo() && link.phase_m.is_some())
+    }
+
+    /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be
+    /// a cycle slip to what is carried on.
+    fn take_out_unlike(&mut self, reference: usize, leave_out_unknown: bool) {
+        if leave_out_unknown {
+            let geostationary = self.links.iter_mut().filter(|l| l.satellite.is_beidou_geo());
+            geostationary.for_each(|link| link.phase_m = None);
+        }
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            let ephemerides = &self.navigation.ephemerides;
+            let channel = |satellite| ephemerides.glonass_channel(satellite);
+            let (links, noise) = (&mut self.links, &self.settings.noise);
+            self.channel_biases.apply(links, reference, noise, channel, leave_out_unknown);
+        }
     }
 
     /// Keeps the body's axes of a fixed epoch; two antennas leave the roll open, it counts as zero.
@@ -254,7 +310,7 @@ impl Engine {
     }
 
     /// Observed less computed for every antenna, at its own reception time.
-    fn form_links(&mut self, epoch: &ArrayEpoch, frame: &locate::CommonFrame) {
+    fn form_links(&mut self, epoch: &ArrayEpoch, frame: &CommonFrame) {
         self.links.clear();
         let body_from_ecef =
             self.ned_from_body.map(|n| n.inverse() * frame.horizon.ned_from_ecef());
@@ -303,24 +359,28 @@ impl Engine {
         position.position_m = at(crate::frames::Vector::new(0.0, 0.0, 0.0));
         position.geodetic = Geodetic::from_ecef(position.position_m);
     }
-}
 
-/// Status of the epoch from what the integers and the orientation say.
-fn judge(
-    verdict: Verdict,
-    orientation: &Result<crate::solution::AttitudeEstimate, Reason>,
-    settings: &Settings,
-) -> (Status, Option<Reason>) {
-    match (verdict, orientation) {
-        (Verdict::Float(reason), _) => (Status::Float, Some(reason)),
-        (Verdict::Refused(reason), _) => (Status::Inconsistent, Some(reason)),
-        (Verdict::Fixed, Err(reason)) => (Status::Inconsistent, Some(*reason)),
-        (Verdict::Fixed, Ok(attitude)) => {
-            let tilted = [attitude.pitch_rad, attitude.roll_rad]
-                .into_iter()
-                .flatten()
-                .any(|angle| angle.abs() > settings.max_tilt_rad);
-            if tilted { (Status::Inconsistent, Some(Reason::Tilt)) } else { (Status::Fixed, None) }
+    /// Status of the epoch from what the integers, the orientation and the epochs before say.
+    fn judge(
+        &self,
+        verdict: Verdict,
+        attitude: &Result<AttitudeEstimate, Reason>,
+    ) -> (Status, Option<Reason>) {
+        let tilted = |attitude: &AttitudeEstimate| {
+            let mut angles_rad = [attitude.pitch_rad, attitude.roll_rad].into_iter().flatten();
+            angles_rad.any(|angle_rad| angle_rad.abs() > self.settings.max_tilt_rad)
+        };
+        match (verdict, attitude) {
+            (Verdict::Float(reason), _) => (Status::Float, Some(reason)),
+            (Verdict::Refused(reason), _) => (Status::Inconsistent, Some(reason)),
+            (Verdict::Fixed, Err(reason)) => (Status::Inconsistent, Some(*reason)),
+            (Verdict::Fixed, Ok(attitude)) if tilted(attitude) => {
+                (Status::Inconsistent, Some(Reason::Tilt))
+            }
+            (Verdict::Fixed, Ok(_)) if self.mean_misfit.is_improbable() => {
+                (Status::Inconsistent, Some(Reason::Geometry))
+            }
+            (Verdict::Fixed, Ok(_)) => (Status::Fixed, None),
         }
     }
 }

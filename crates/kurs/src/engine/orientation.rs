@@ -2,11 +2,13 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
+use super::misfit::{Misfit, survey_covariance};
+
 use crate::array::{AntennaArray, Shape};
 use crate::attitude::joint;
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
-use crate::frames::{Body, Ned, Rotation, Vector};
+use crate::frames::{Body, Ecef, Ned, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
 
@@ -16,6 +18,14 @@ const TWO_MINIMA_CHI2: f64 = 10.8;
 /// Fixed baselines whose misfit to the array is less probable than this do not come from this array.
 const LEAST_PROBABLE_MISFIT: f64 = 1e-5;
 
+/// How the body stands, and how its baselines fit to the known array.
+#[derive(Debug)]
+pub(super) struct Orientation {
+    pub(super) attitude: Result<AttitudeEstimate, Reason>,
+    /// `None` where nothing is known that they could fit to.
+    pub(super) misfit: Option<Misfit>,
+}
+
 /// Orientation of the body: all three angles for an array that spans a plane, otherwise heading
 /// and pitch of the line of antennas.
 pub(super) fn orient(
@@ -23,22 +33,35 @@ pub(super) fn orient(
     horizon: &Horizon,
     array: Option<&AntennaArray>,
     array_sd_m: f64,
-) -> Result<AttitudeEstimate, Reason> {
+) -> Orientation {
     let present = array.and_then(|array| present_part(array, baselines));
     match present.filter(|part| part.shape() != Shape::Collinear) {
         Some(part) => full(baselines, horizon, &part, array_sd_m),
-        None => {
-            let ned_from_ecef = horizon.ned_from_ecef();
-            let line_ned = ned_from_ecef * baselines.vector_m(0);
-            let covariance_m2 = ned_from_ecef.turn_covariance(&baselines.block_m2(0));
-            let line_body = array.map(|array| {
-                array.positions_m()[baselines.rovers[0]] - array.positions_m()[baselines.reference]
-            });
-            let forward = Vector::new(1.0, 0.0, 0.0);
-            direction(line_ned, &covariance_m2, line_body.unwrap_or(forward))
-                .ok_or(Reason::Geometry)
-        }
+        None => of_line(baselines, horizon, array, array_sd_m),
     }
+}
+
+/// Heading and pitch of the first baseline.
+fn of_line(
+    baselines: &Baselines,
+    horizon: &Horizon,
+    array: Option<&AntennaArray>,
+    array_sd_m: f64,
+) -> Orientation {
+    let ned_from_ecef = horizon.ned_from_ecef();
+    let line_ned = ned_from_ecef * baselines.vector_m(0);
+    let covariance_m2 = ned_from_ecef.turn_covariance(&baselines.block_m2(0));
+    let (reference, rover) = (baselines.reference, baselines.rovers[0]);
+    let line_body = array.map(|array| array.positions_m()[rover] - array.positions_m()[reference]);
+    let forward = Vector::new(1.0, 0.0, 0.0);
+    let attitude = direction(line_ned, &covariance_m2, line_body.unwrap_or(forward));
+    let misfit = line_body.map(|line_body| {
+        let along = line_ned.direction().xyz();
+        let longer_m = line_ned.norm() - line_body.norm();
+        let variance_m2 = along.dot(&(covariance_m2 * along));
+        Misfit::of_length([reference, rover], line_body.xyz(), longer_m, variance_m2, array_sd_m)
+    });
+    Orientation { attitude: attitude.ok_or(Reason::Geometry), misfit }
 }
 
 /// The antennas that have a baseline, as an array.
@@ -55,38 +78,59 @@ fn full(
     horizon: &Horizon,
     array: &AntennaArray,
     array_sd_m: f64,
-) -> Result<AttitudeEstimate, Reason> {
+) -> Orientation {
     let vectors: Vec<_> = (0..baselines.rovers.len()).map(|b| baselines.vector_m(b)).collect();
     let covariance_m2 = &baselines.covariance_m2;
-    let solved = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0)
-        .map_err(|_| Reason::Geometry)?;
-    let misfit = misfit(&solved.residuals_m, &softened(covariance_m2, array_sd_m));
-    let probable = |chi2| chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT;
-    if !misfit.is_some_and(probable) {
-        return Err(Reason::Geometry);
+    let Ok(solved) = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0) else {
+        return Orientation { attitude: Err(Reason::Geometry), misfit: None };
+    };
+    let survey_m2 = survey_covariance(vectors.len(), array_sd_m);
+    let chi2 = squares(&solved.residuals_m, covariance_m2 + survey_m2);
+    let fits = chi2.is_some_and(|chi2| {
+        chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT
+    });
+    let attitude = if !fits {
+        Err(Reason::Geometry)
+    } else if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
+        Err(Reason::TwoMinima)
+    } else {
+        let ned_from_body: Rotation<Ned, Body> = horizon.ned_from_ecef() * solved.outside_from_body;
+        Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2))
+    };
+    Orientation { attitude, misfit: Some(in_body_axes(baselines, array, &solved, array_sd_m)) }
+}
+
+/// What the baselines leave against the array, and their covariance, in body axes.
+fn in_body_axes(
+    baselines: &Baselines,
+    array: &AntennaArray,
+    solved: &joint::ArrayAttitude<Ecef>,
+    array_sd_m: f64,
+) -> Misfit {
+    let body_from_ecef = solved.outside_from_body.inverse();
+    let turned = solved.residuals_m.iter().map(|residual| body_from_ecef * *residual);
+    let mut turn = DMatrix::zeros(baselines.vectors_m.len(), baselines.vectors_m.len());
+    for block in 0..baselines.rovers.len() {
+        turn.fixed_view_mut::<3, 3>(3 * block, 3 * block).copy_from(&body_from_ecef.matrix());
     }
-    if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
-        return Err(Reason::TwoMinima);
+    let positions_m = array.positions_m();
+    Misfit {
+        antennas: [baselines.reference].iter().chain(&baselines.rovers).copied().collect(),
+        known_m: positions_m[1..].iter().map(|p| (*p - positions_m[0]).xyz()).collect(),
+        residual_m: DVector::from_iterator(
+            baselines.vectors_m.len(),
+            turned.flat_map(|residual| <[f64; 3]>::from(residual.xyz())),
+        ),
+        covariance_m2: &turn * &baselines.covariance_m2 * turn.transpose(),
+        array_sd_m,
     }
-    let ned_from_body: Rotation<Ned, Body> = horizon.ned_from_ecef() * solved.outside_from_body;
-    Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2))
 }
 
 /// `rᵀ Q⁻¹ r` of the residuals of all baselines.
-fn misfit<F: Copy>(residuals_m: &[Vector<F>], covariance_m2: &DMatrix<f64>) -> Option<f64> {
+fn squares<F: Copy>(residuals_m: &[Vector<F>], covariance_m2: DMatrix<f64>) -> Option<f64> {
     let components = residuals_m.iter().flat_map(|r| <[f64; 3]>::from(r.xyz()));
     let residual = DVector::from_iterator(3 * residuals_m.len(), components);
-    Some(residual.dot(&covariance_m2.clone().cholesky()?.solve(&residual)))
-}
-
-/// The covariance of the baselines with the uncertainty of the surveyed positions: each end adds
-/// `σ²`, and the end at the reference antenna is common to all.
-fn softened(covariance_m2: &DMatrix<f64>, array_sd_m: f64) -> DMatrix<f64> {
-    let variance_m2 = array_sd_m * array_sd_m;
-    DMatrix::from_fn(covariance_m2.nrows(), covariance_m2.ncols(), |i, j| {
-        let shared = if i % 3 == j % 3 { variance_m2 } else { 0.0 };
-        covariance_m2[(i, j)] + shared + if i == j { variance_m2 } else { 0.0 }
-    })
+    Some(residual.dot(&covariance_m2.cholesky()?.solve(&residual)))
 }
 
 /// Heading and pitch of a body, its roll taken as zero, whose antennas on the line `line_body` have

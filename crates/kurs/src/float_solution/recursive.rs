@@ -39,7 +39,7 @@ use super::information::Information;
 use super::{FloatSolution, Memory, Phases};
 
 /// Correlation time of multipath, s: 0.96 from one second to the next, measured on roofs.
-const CORRELATION_S: f64 = 25.0;
+pub(crate) const CORRELATION_S: f64 = 25.0;
 /// Time in which the memory fades to 1/e, s.
 const FADING_S: f64 = 300.0;
 /// A phase that departs from its prediction by more standard deviations than this …
@@ -102,6 +102,7 @@ pub struct RecursiveFloat {
     information: Information,
     time: Option<GpsTime>,
     slips: usize,
+    began_anew: bool,
 }
 
 impl RecursiveFloat {
@@ -117,6 +118,7 @@ impl RecursiveFloat {
             information: Information::nothing(0),
             time: None,
             slips: 0,
+            began_anew: false,
         }
     }
 
@@ -124,6 +126,12 @@ impl RecursiveFloat {
     #[must_use]
     pub fn slips_found(&self) -> usize {
         self.slips
+    }
+
+    /// Whether so many links slipped in the last epoch that everything was forgotten.
+    #[must_use]
+    pub fn began_anew(&self) -> bool {
+        self.began_anew
     }
 
     /// Takes the same whole cycles out of the phases as at the begin of their arcs: the ambiguities
@@ -315,7 +323,7 @@ impl RecursiveFloat {
     /// Forgets the ambiguities of links whose phase is not where the memory expects it, the worst
     /// one first; everything if too many are.
     fn forget_slips(&mut self, news: &Information, own: &[Own]) {
-        self.slips = 0;
+        (self.slips, self.began_anew) = (0, false);
         let first = self.baseline_unknowns();
         let determined = self.determined(own);
         let most = (MAX_SLIPPED_SHARE * self.arcs.len() as f64).ceil();
@@ -329,6 +337,7 @@ impl RecursiveFloat {
             self.information.forget(unknown);
             if self.slips as f64 > most {
                 self.information = Information::nothing(self.information.unknowns());
+                self.began_anew = true;
                 return;
             }
         }

@@ -72,7 +72,10 @@ impl RotatingArm {
     /// θ = 2πft + θ₀, reduced to one turn so that it stays precise over days.
     #[must_use]
     pub fn angle_rad(&self, time_s: f64) -> f64 {
-        TAU * (self.rate_hz * time_s).fract() + self.phase_rad
+        let turns = self.rate_hz * time_s;
+        // What rounding took from the product is added again once the whole turns are gone.
+        let rounded_off = self.rate_hz.mul_add(time_s, -turns);
+        TAU * (turns.fract() + rounded_off) + self.phase_rad
     }
 
     /// Speed of the arm's end, 2πfR.
@@ -139,5 +142,8 @@ mod tests {
         let arm = RotatingArm::new(1.0, 1.0);
         assert_eq!(arm.angle_rad(86_400.0), 0.0);
         assert!((arm.angle_rad(86_400.25) - TAU / 4.0).abs() < 1e-10);
+        // 0.1 as a double is 5.55e-18 too large: 300 000 turns and 1.665e-11 in 3e6 s.
+        let arm = RotatingArm::new(1.0, 0.1);
+        assert!((arm.angle_rad(3e6) - TAU * 1.665_334_536_9e-11).abs() < 1e-18);
     }
 }

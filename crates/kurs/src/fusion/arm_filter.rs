@@ -51,8 +51,6 @@ pub struct Settings {
     pub gate: Gate,
     /// Noise of one accelerometer sample.
     pub accelerometer_sd_mps2: f64,
-    /// Samples at or beyond it are saturated and not used.
-    pub accelerometer_range_mps2: f64,
     /// Accelerometer biases as states, m/s².
     pub bias: Option<Drift>,
     /// A correction of the arm's angle as a state, rad. Indistinguishable from a turn about the
@@ -134,7 +132,7 @@ pub struct Health {
     pub accelerometer: Tally,
     /// Values that were infinite or not a number.
     pub unusable: usize,
-    /// Accelerometer samples at the end of their range.
+    /// Accelerometer samples at the end of their range: left out before they come to the filter.
     pub saturated: usize,
 }
 
@@ -190,7 +188,6 @@ impl Settings {
             second_order: true,
             gate: Gate::Innovation { sigmas: 5.0 },
             accelerometer_sd_mps2: 0.01,
-            accelerometer_range_mps2: f64::INFINITY,
             bias: None,
             arm_angle: None,
             ambiguity_slots: 0,
@@ -392,9 +389,7 @@ impl ArmFilter {
             health.unusable += 1;
             return None;
         }
-        let saturated = force.amax() >= self.settings.accelerometer_range_mps2;
-        health.saturated += usize::from(saturated);
-        (!saturated).then_some(force)
+        Some(force)
     }
 
     /// Fills the batch with the innovations and gradients of everything measured.

@@ -50,8 +50,8 @@ pub struct SessionSettings {
 /// One sample of the accelerometers, with the arm's angle where an encoder measures it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ArmSample {
-    /// Forward, up, right, m/s².
-    pub specific_force_mps2: Vector3<f64>,
+    /// Forward, up, right, m/s²; `None` if it was at the end of its range.
+    pub specific_force_mps2: Option<Vector3<f64>>,
     /// The arm's angle, rad.
     pub arm_angle_rad: Option<Measured>,
 }
@@ -196,10 +196,11 @@ impl ArmSession {
     }
 
     fn absorb_sample(&mut self, time_s: f64, sample: &ArmSample) {
+        self.health.saturated += usize::from(sample.specific_force_mps2.is_none());
         let Some(filter) = &mut self.filter else { return };
         let epoch = Epoch {
             time_s,
-            specific_force_mps2: Some(sample.specific_force_mps2),
+            specific_force_mps2: sample.specific_force_mps2,
             satellites: &[],
             arm_angle_rad: sample.arm_angle_rad,
         };

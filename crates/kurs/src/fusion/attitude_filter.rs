@@ -10,7 +10,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use super::arm_filter::{FilterError, LONGEST_GAP_S, Tally};
 use super::gravity::normal_gravity_mps2;
 use super::kalman::{Batch, Estimate, Gate};
-use crate::frames::{Body, EARTH_RATE_RADPS, Geodetic, Ned, Rotation, Vector};
+use crate::chi_square::chi_square_tail;
+use crate::frames::{Body, EARTH_RATE_RADPS, Geodetic, Ned, Rotation, Vector, WGS84_A_M, WGS84_F};
 
 /// Attitude error φ, body axes.
 const ATTITUDE: usize = 0;
@@ -20,6 +21,8 @@ const GYRO_BIAS: usize = 3;
 const VELOCITY: usize = 6;
 /// Accelerometer bias error, body axes.
 const ACCELEROMETER_BIAS: usize = 9;
+/// How much the body may turn where no gyro says it, rad/√s.
+const UNKNOWN_TURNING: f64 = 1.0;
 /// Number of states.
 pub const STATES: usize = 12;
 
@@ -87,6 +90,15 @@ pub struct Nominal {
     pub accelerometer_bias_mps2: Vector3<f64>,
 }
 
+/// What became of the measurements of one instant, by their components.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Corrected {
+    /// The attitude; nothing used nor rejected if its covariance says nothing.
+    pub attitude: Tally,
+    /// The velocity, likewise.
+    pub velocity: Tally,
+}
+
 /// Error-state filter of attitude and velocity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttitudeFilter {
@@ -96,9 +108,19 @@ pub struct AttitudeFilter {
     estimate: Estimate,
     /// Transition since it was last taken, one column a state; for smoothing.
     transition: Vec<f64>,
+    place: Place,
+    batch: Batch,
+}
+
+/// What the place on the Earth adds: gravity, the Earth's rate, and how the level axes turn as the
+/// body moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
     gravity_ned_mps2: Vector3<f64>,
     earth_rate_ned: Vector3<f64>,
-    batch: Batch,
+    /// One over the radii of curvature with the height: of the meridian, and across it.
+    by_radius: [f64; 2],
+    tan_latitude: f64,
 }
 
 /// The linear part of one integration step.
@@ -157,8 +179,6 @@ impl AttitudeFilter {
         for (start, block) in [(ATTITUDE, attitude.covariance), (VELOCITY, velocity.covariance)] {
             estimate.covariance.fixed_view_mut::<3, 3>(start, start).copy_from(&block);
         }
-        let (sin, cos) = place.latitude_rad.sin_cos();
-        let gravity_mps2 = normal_gravity_mps2(place.latitude_rad, place.height_m);
         let rotation = Rotation3::from_matrix_unchecked(attitude.ned_from_body.matrix());
         Self {
             settings,
@@ -171,10 +191,14 @@ impl AttitudeFilter {
             },
             estimate,
             transition: identity(),
-            gravity_ned_mps2: Vector3::new(0.0, 0.0, gravity_mps2),
-            earth_rate_ned: Vector3::new(cos, 0.0, -sin) * EARTH_RATE_RADPS,
+            place: Place::at(place),
             batch: Batch::default(),
         }
+    }
+
+    /// Tells where the body is now: for gravity, the Earth's rate and the turning of the level axes.
+    pub fn move_to(&mut self, place: &Geodetic) {
+        self.place = Place::at(place);
     }
 
     /// Integrates an inertial sample. A sample that is not a number only adds time.
@@ -203,26 +227,68 @@ impl AttitudeFilter {
         Ok(())
     }
 
-    /// Absorbs an attitude and a velocity of the antennas, measured at the filter's time.
+    /// Absorbs an attitude and a velocity of the antennas, measured at the filter's time. Each of them
+    /// passes the gate as a whole or not at all.
     pub fn correct(
         &mut self,
         attitude: Option<&MeasuredAttitude>,
         velocity: Option<&MeasuredVelocity>,
-    ) -> Tally {
+    ) -> Corrected {
         self.batch.begin(STATES);
+        let mut corrected = Corrected::default();
         if let Some(measured) = attitude {
             let rotation = Rotation3::from_matrix_unchecked(measured.ned_from_body.matrix());
             let seen = UnitQuaternion::from_rotation_matrix(&rotation);
             let error = (self.nominal.attitude.inverse() * seen).scaled_axis();
-            push_whitened(&mut self.batch, ATTITUDE, &error, &measured.covariance);
+            corrected.attitude = self.push(ATTITUDE, &error, &measured.covariance);
         }
+        let after_attitude = self.batch.len();
         if let Some(measured) = velocity {
             let error = measured.velocity_mps.xyz() - self.nominal.velocity_mps;
-            push_whitened(&mut self.batch, VELOCITY, &error, &measured.covariance);
+            corrected.velocity = self.push(VELOCITY, &error, &measured.covariance);
         }
-        self.estimate.update(&mut self.batch, self.settings.gate);
+        self.estimate.update(&mut self.batch, Gate::Open);
         self.nominal = self.nominal.moved(self.estimate.correction.as_slice());
-        Tally::of(self.batch.outcomes())
+        let (of_attitude, of_velocity) = self.batch.outcomes().split_at(after_attitude);
+        corrected.attitude.nis = of_attitude.iter().map(|o| o.normalised_square).sum();
+        corrected.velocity.nis = of_velocity.iter().map(|o| o.normalised_square).sum();
+        corrected
+    }
+
+    /// Adds three correlated measurements of a block of states as three independent ones of variance
+    /// 1, if they pass the gate; says how many were used or rejected, none if they say nothing.
+    fn push(&mut self, block: usize, error: &Vector3<f64>, covariance: &Matrix3<f64>) -> Tally {
+        let Some(whitener) = whitener(covariance) else { return Tally::default() };
+        if !error.iter().all(|value| value.is_finite()) {
+            return Tally::default();
+        }
+        let predicted = self.estimate.covariance.fixed_view::<3, 3>(block, block).into_owned();
+        if !self.passes(error, &predicted, covariance) {
+            return Tally { rejected: 3, ..Tally::default() };
+        }
+        let white = whitener * error;
+        for axis in 0..3 {
+            let row = self.batch.push(white[axis], 1.0);
+            for k in 0..3 {
+                row[block + k] = whitener[(axis, k)];
+            }
+        }
+        Tally { used: 3, ..Tally::default() }
+    }
+
+    /// eᵀ(P + N)⁻¹e or eᵀN⁻¹e is no less probable than so many sigmas of a single value.
+    fn passes(&self, error: &Vector3<f64>, predicted: &Matrix3<f64>, noise: &Matrix3<f64>) -> bool {
+        let (sigmas, covariance) = match self.settings.gate {
+            Gate::Open => return true,
+            Gate::NoiseOnly { sigmas } => (sigmas, *noise),
+            Gate::Innovation { sigmas } => (sigmas, predicted + noise),
+        };
+        let Some(factor) = covariance.cholesky() else { return false };
+        let square = error.dot(&factor.solve(error));
+        // Probabilities this small are no longer told apart.
+        const SMALLEST: f64 = 1e-12;
+        let least = chi_square_tail(sigmas * sigmas, 1).max(SMALLEST);
+        square < sigmas * sigmas || chi_square_tail(square, 3) > least
     }
 
     /// Time of the state.
@@ -249,6 +315,12 @@ impl AttitudeFilter {
         &self.nominal
     }
 
+    /// Covariance of the velocity error, north-east-down, (m/s)².
+    #[must_use]
+    pub fn velocity_covariance(&self) -> Matrix3<f64> {
+        self.estimate.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned()
+    }
+
     /// Covariance of the error state: attitude, gyro bias, velocity, accelerometer bias.
     #[must_use]
     pub const fn covariance(&self) -> &nalgebra::DMatrix<f64> {
@@ -268,8 +340,10 @@ impl AttitudeFilter {
         force: Option<Vector3<f64>>,
     ) -> Step {
         let body_from_ned = self.nominal.attitude.inverse();
-        let earth_rate_body = body_from_ned * self.earth_rate_ned;
-        let turn = (rate - self.nominal.gyro_bias_radps - earth_rate_body) * seconds;
+        // ω_b = ω − b − Cᵀ(Ω + ω_t), ω_t the turning of the level axes along the way
+        let transport = self.place.transport_rate(&self.nominal.velocity_mps);
+        let level_rate = body_from_ned * (self.place.earth_rate_ned + transport);
+        let turn = (rate - self.nominal.gyro_bias_radps - level_rate) * seconds;
         let mut velocity_by_attitude = Matrix3::zeros();
         let mut velocity_by_bias = Matrix3::zeros();
         if let Some(force) = force {
@@ -277,8 +351,10 @@ impl AttitudeFilter {
             let half_way = self.nominal.attitude * UnitQuaternion::from_scaled_axis(turn / 2.0);
             let ned_from_body = half_way.to_rotation_matrix().into_inner();
             let felt = force - self.nominal.accelerometer_bias_mps2;
-            let coriolis = self.earth_rate_ned.cross(&self.nominal.velocity_mps) * 2.0;
-            let acceleration = ned_from_body * felt + self.gravity_ned_mps2 - coriolis;
+            // v̇ = C f + g − (2 Ω + ω_t)×v
+            let turning = self.place.earth_rate_ned * 2.0 + transport;
+            let coriolis = turning.cross(&self.nominal.velocity_mps);
+            let acceleration = ned_from_body * felt + self.place.gravity_ned_mps2 - coriolis;
             self.nominal.velocity_mps += acceleration * seconds;
             // δv̇ = −C [f×] φ − C δb
             velocity_by_attitude = -ned_from_body * felt.cross_matrix() * seconds;
@@ -292,8 +368,7 @@ impl AttitudeFilter {
 
     fn add_noise(&mut self, seconds: f64, has_rate: bool, has_force: bool) {
         let s = &self.settings;
-        // Without a rate the body may have turned anyhow.
-        let gyro_noise = if has_rate { s.gyro_noise } else { 1.0 };
+        let gyro_noise = if has_rate { s.gyro_noise } else { UNKNOWN_TURNING };
         let velocity_noise = if has_force { s.accelerometer_noise } else { s.unknown_acceleration };
         for (start, density) in [
             (ATTITUDE, gyro_noise),
@@ -305,6 +380,32 @@ impl AttitudeFilter {
                 self.estimate.covariance[(index, index)] += density * density * seconds;
             }
         }
+    }
+}
+
+impl Place {
+    fn at(place: &Geodetic) -> Self {
+        let (sin, cos) = place.latitude_rad.sin_cos();
+        let gravity_mps2 = normal_gravity_mps2(place.latitude_rad, place.height_m);
+        // N = a / √(1 − e² sin²φ), M = N (1 − e²) / (1 − e² sin²φ)
+        let e2 = WGS84_F * (2.0 - WGS84_F);
+        let w2 = 1.0 - e2 * sin * sin;
+        let across_m = WGS84_A_M / w2.sqrt();
+        let meridian_m = across_m * (1.0 - e2) / w2;
+        Self {
+            gravity_ned_mps2: Vector3::new(0.0, 0.0, gravity_mps2),
+            earth_rate_ned: Vector3::new(cos, 0.0, -sin) * EARTH_RATE_RADPS,
+            by_radius: [meridian_m, across_m].map(|radius_m| 1.0 / (radius_m + place.height_m)),
+            // Within a kilometre of a pole the level axes turn without limit: not followed.
+            tan_latitude: sin / cos.max(1e-4),
+        }
+    }
+
+    /// ω_t = (v_e/(N+h), −v_n/(M+h), −v_e tan φ/(N+h)) in level axes, rad/s.
+    fn transport_rate(&self, velocity_mps: &Vector3<f64>) -> Vector3<f64> {
+        let [meridian, across] = self.by_radius;
+        let (north, east) = (velocity_mps.x * meridian, velocity_mps.y * across);
+        Vector3::new(east, -north, -east * self.tan_latitude)
     }
 }
 
@@ -325,18 +426,9 @@ impl Step {
     }
 }
 
-/// Adds three correlated measurements of a block of states as three independent ones of variance 1;
-/// none if the covariance is not positive definite or a value not finite.
-fn push_whitened(batch: &mut Batch, block: usize, error: &Vector3<f64>, covariance: &Matrix3<f64>) {
-    let Some(factor) = covariance.cholesky() else { return };
-    let Some(whitener) = factor.l().try_inverse() else { return };
-    let white = whitener * error;
-    for axis in 0..3 {
-        let row = batch.push(white[axis], 1.0);
-        for k in 0..3 {
-            row[block + k] = whitener[(axis, k)];
-        }
-    }
+/// L⁻¹ of covariance = L Lᵀ; `None` if it is not positive definite.
+fn whitener(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    covariance.cholesky()?.l().try_inverse()
 }
 
 fn identity() -> Vec<f64> {
@@ -387,8 +479,8 @@ mod tests {
         filter.nominal.velocity_mps = Vector3::zeros();
         let before = filter.nominal;
         let body_from_ned = before.attitude.inverse();
-        let rate_radps = Vector::from_xyz(body_from_ned * filter.earth_rate_ned);
-        let force = Vector::from_xyz(body_from_ned * -filter.gravity_ned_mps2);
+        let rate_radps = Vector::from_xyz(body_from_ned * filter.place.earth_rate_ned);
+        let force = Vector::from_xyz(body_from_ned * -filter.place.gravity_ned_mps2);
         for step in 1..=1000 {
             let sample = InertialSample {
                 time_s: f64::from(step) * 0.01,
@@ -456,6 +548,6 @@ mod tests {
             ned_from_body: filter.ned_from_body(),
             covariance: Matrix3::zeros(),
         };
-        assert_eq!(filter.correct(Some(&unusable), None), Tally::default());
+        assert_eq!(filter.correct(Some(&unusable), None), Corrected::default());
     }
 }

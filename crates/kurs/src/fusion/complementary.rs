@@ -57,6 +57,7 @@ impl ComplementaryFilter {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::print_stdout)]
     use super::*;
     use core::f64::consts::TAU;
     use rand::SeedableRng;
@@ -66,18 +67,18 @@ mod tests {
     const STEP_S: f64 = 0.01;
 
     /// Root mean square error in degrees over the reference motion: 10° sine at 0.2 Hz, gyro bias
-    /// 0.5 °/s, vibration 0.5 m/s², 100 Hz; the first 20 s are left out.
+    /// 0.5 °/s, vibration 0.5 m/s², 100 Hz; half an hour without its first minute.
     fn reference_motion(mut filter: ComplementaryFilter) -> f64 {
         let mut generator = Xoshiro256PlusPlus::seed_from_u64(5);
         let (mut sum, mut count) = (0.0, 0.0);
         let angle = |t: f64| 10f64.to_radians() * (TAU * 0.2 * t).sin();
-        for step in 1..20_000 {
+        for step in 1..180_000 {
             let time_s = f64::from(step) * STEP_S;
             let rate = (angle(time_s) - angle(time_s - STEP_S)) / STEP_S + 0.5f64.to_radians();
             let vibration: f64 = StandardNormal.sample(&mut generator);
             let accelerometer = angle(time_s) + 0.5 * vibration / 9.81;
             let found = filter.update(rate, accelerometer, STEP_S);
-            if time_s > 20.0 {
+            if time_s > 60.0 {
                 sum += (found - angle(time_s)).to_degrees().powi(2);
                 count += 1.0;
             }
@@ -94,14 +95,15 @@ mod tests {
             ..ComplementaryFilter::new(share, 0.0)
         };
         let slow = reference_motion(calibrated(0.995));
-        assert!((slow - 0.144).abs() < 0.015, "{slow}");
+        assert!((slow - 0.144).abs() < 0.007, "{slow}");
         let fast = reference_motion(calibrated(0.98));
         let formula = calibrated(0.98).noise_rad(0.5 / 9.81).to_degrees();
         assert!((fast / formula - 1.0).abs() < 0.05, "{fast} {formula}");
         let integral =
             ComplementaryFilter { integral_gain: 0.05, ..ComplementaryFilter::new(0.995, 0.0) };
         let learned = reference_motion(integral);
-        assert!(learned < 0.18, "{learned}");
+        println!("a = 0.995: {slow:.3}° calibrated, {learned:.3}° with integral term");
+        assert!((learned - 0.157).abs() < 0.01, "{learned}");
         // The gyro alone drifts by its bias; here it is off by degrees within seconds.
         let drifting = reference_motion(ComplementaryFilter::new(1.0, 0.0));
         assert!(drifting > 30.0, "{drifting}");

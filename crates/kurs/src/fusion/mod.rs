@@ -7,8 +7,8 @@
 //! [`process_noise`]), the filters ([`kalman`], [`published_filter`], [`arm_filter`]). A recording from
 //! receiver and accelerometers goes through [`reception`], [`time_order`] and [`arm_session`].
 //!
-//! For every other body: [`attitude_filter`] and its [`smoother`]; for one tilt angle,
-//! [`complementary`].
+//! For every other body: [`attitude_filter`] and its [`smoother`], joined with the antennas' rows in
+//! [`attitude_session`]; for one tilt angle, [`complementary`].
 
 pub mod arm;
 pub mod arm_filter;
@@ -16,6 +16,7 @@ pub mod arm_model;
 pub mod arm_session;
 pub mod attitude_filter;
 pub mod attitude_form;
+pub mod attitude_session;
 pub mod complementary;
 pub mod gradient;
 pub mod gravity;

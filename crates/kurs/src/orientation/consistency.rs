@@ -198,6 +198,15 @@ impl Fit {
         }
     }
 
+    /// The fit whose covariance holds for errors of some degrees too.
+    #[must_use]
+    pub fn with_unbiased_information(mut self) -> Self {
+        if let FitKind::Body { minimum, normal } = &mut self.kind {
+            minimum.information = normal.problem.unbiased_information(minimum);
+        }
+        self
+    }
+
     /// Whether χ² is below what chance exceeds once in ten thousand epochs.
     #[must_use]
     pub fn is_consistent(&self) -> bool {

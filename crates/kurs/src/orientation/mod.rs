@@ -128,7 +128,7 @@ impl Orienter {
         row.position = Some(first_position(&local));
         let points: Vec<MeasuredPoint> = local.points.iter().map(|p| p.point).collect();
         match consistency::consistent_fit(&points) {
-            Ok(fit) => self.fill(&mut row, &local, &fit),
+            Ok(fit) => self.fill(&mut row, &local, &fit.with_unbiased_information()),
             Err(NoFit::TooFew) => {}
             Err(NoFit::Inconsistent) => {
                 refuse(&mut row, Reason::Geometry);

@@ -5,14 +5,14 @@ use std::path::Path;
 use kurs::fusion::arm_filter::{Health, Tally};
 use kurs::fusion::arm_session::{Event, SessionRow};
 use kurs::solution::Status;
-use kurs::time::GpsTime;
 use serde::Serialize;
 
+use crate::fuse::agreement::{Agreement, TruthSummary};
 use crate::output::OutputFile;
 use crate::summary::{Damage, Summary};
 use crate::table::{Table, TableFormat};
 use crate::tables::{TimeColumns, create_attitude, write_attitude};
-use crate::truth::{Truth, difference_deg};
+use crate::truth::Truth;
 
 /// Health of the filter since the row before.
 const HEALTH: &[&str] = &[
@@ -30,27 +30,15 @@ const HEALTH: &[&str] = &[
     "event",
 ];
 
-/// The filter is compared with the truth from so long after its first row.
-const SETTLED_S: f64 = 10.0;
-
 /// The tables in the making.
 pub(super) struct Rows {
     attitude: Table,
     health: Table,
     truth: Option<Truth>,
-    first: Option<GpsTime>,
-    errors: Errors,
+    agreement: Agreement,
     summary: Summary,
     total: Health,
     events: Vec<String>,
-}
-
-/// Sums of squares over the compared rows.
-#[derive(Debug, Default)]
-struct Errors {
-    rows: u32,
-    squares: [f64; 3],
-    normalised: [f64; 3],
 }
 
 /// What stands in `summary.json` besides the summary of the rows.
@@ -81,27 +69,13 @@ struct TallySummary {
     mean_nis: Option<f64>,
 }
 
-/// Agreement with the truth, from ten seconds after the first row.
-#[derive(Debug, Serialize)]
-struct TruthSummary {
-    rows: u32,
-    heading_rms_deg: f64,
-    pitch_rms_deg: f64,
-    roll_rms_deg: f64,
-    /// Mean of (error / sigma)².
-    heading_normalised: f64,
-    pitch_normalised: f64,
-    roll_normalised: f64,
-}
-
 impl Rows {
     pub(super) fn create(directory: &Path, truth: Option<Truth>) -> anyhow::Result<Self> {
         Ok(Self {
             attitude: create_attitude(directory, TableFormat::Csv)?,
             health: Table::create(directory, "health", TableFormat::Csv, HEALTH)?,
             truth,
-            first: None,
-            errors: Errors::default(),
+            agreement: Agreement::default(),
             summary: Summary::new(Vec::new()),
             total: Health::default(),
             events: Vec::new(),
@@ -116,7 +90,9 @@ impl Rows {
         self.summary.add(solution, false);
         self.total.add(&row.health);
         self.write_health(&time, row)?;
-        self.compare(row);
+        if let Some(truth) = &self.truth {
+            self.agreement.add(solution, truth);
+        }
         for (time_s, event) in &row.events {
             let text = format!("{time_s:.3} s: {event}");
             if !matches!(event, Event::Started) {
@@ -143,25 +119,6 @@ impl Rows {
         t.end_row()
     }
 
-    fn compare(&mut self, row: &SessionRow) {
-        let solution = &row.solution;
-        let (Some(attitude), Some(truth)) = (&solution.attitude, &self.truth) else { return };
-        let first = *self.first.get_or_insert(solution.time);
-        let Some(wanted) = truth.at(solution.time) else { return };
-        if solution.time - first < SETTLED_S {
-            return;
-        }
-        self.errors.rows += 1;
-        let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
-        for (k, angle_rad) in angles.into_iter().enumerate() {
-            let Some(angle_rad) = angle_rad else { continue };
-            let error_deg = difference_deg(angle_rad.to_degrees(), wanted.angles_deg[k]);
-            let sd_deg = attitude.covariance_rad2[(k, k)].sqrt().to_degrees();
-            self.errors.squares[k] += error_deg * error_deg;
-            self.errors.normalised[k] += (error_deg / sd_deg).powi(2);
-        }
-    }
-
     /// Ends the tables; `false` if no row has an attitude.
     pub(super) fn finish(
         self,
@@ -181,13 +138,13 @@ impl Rows {
         let finished = Finished {
             has_solution: self.summary.has_solution(),
             main_reason: self.summary.main_reason(),
-            text: text(&self.summary, &filter, &self.errors),
+            text: text(&self.summary, &filter, &self.agreement),
         };
         let summary = FusionSummary {
             rows: self.summary.file(configuration, damage, wall_s),
             filter,
             events: &self.events,
-            truth: self.errors.summary(),
+            truth: self.agreement.summary(),
         };
         let mut json = OutputFile::create(directory, "summary.json")?;
         serde_json::to_writer_pretty(&mut json, &summary)?;
@@ -213,25 +170,8 @@ impl TallySummary {
     }
 }
 
-impl Errors {
-    fn summary(&self) -> Option<TruthSummary> {
-        let rows = f64::from(self.rows);
-        let [heading, pitch, roll] = self.squares.map(|sum| (sum / rows).sqrt());
-        let normalised = self.normalised.map(|sum| sum / rows);
-        (self.rows > 0).then_some(TruthSummary {
-            rows: self.rows,
-            heading_rms_deg: heading,
-            pitch_rms_deg: pitch,
-            roll_rms_deg: roll,
-            heading_normalised: normalised[0],
-            pitch_normalised: normalised[1],
-            roll_normalised: normalised[2],
-        })
-    }
-}
-
 /// The few lines a user wants to see at the end.
-fn text(summary: &Summary, filter: &FilterSummary, errors: &Errors) -> String {
+fn text(summary: &Summary, filter: &FilterSummary, agreement: &Agreement) -> String {
     let mut lines = vec![format!(
         "{} epochs: {} with attitude, {} lost",
         summary.epochs(),
@@ -250,11 +190,6 @@ fn text(summary: &Summary, filter: &FilterSummary, errors: &Errors) -> String {
     for (what, count) in odd.iter().filter(|(_, count)| *count > 0) {
         lines.push(format!("left out: {count} {what}"));
     }
-    if let Some(errors) = errors.summary() {
-        lines.push(format!(
-            "against the truth, from {SETTLED_S} s on: heading {:.3}°, pitch {:.3}°, roll {:.3}° RMS",
-            errors.heading_rms_deg, errors.pitch_rms_deg, errors.roll_rms_deg
-        ));
-    }
+    lines.extend(agreement.text("filter"));
     lines.join("\n")
 }

@@ -2,20 +2,20 @@
 
 use std::path::PathBuf;
 
-use kurs::frames::Attitude;
 use kurs::fusion::arm::{RotatingArm, Triad};
 use kurs::fusion::arm_filter::{Drift, Settings};
 use kurs::fusion::arm_session::SessionSettings;
 use kurs::fusion::attitude_form::AttitudeForm;
 use kurs::fusion::kalman::Gate;
 use kurs::fusion::nhe::{Angles, frd_from_bfs};
-use kurs::fusion::process_noise::{ProcessNoise, Tuning};
+use kurs::fusion::process_noise::{Densities, ProcessNoise, Tuning};
 use kurs::fusion::reception::ReceptionSettings;
 use kurs::signal::System;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::failure::UsageError;
+use crate::fuse::attitude;
 
 /// `kurs fuse CONFIG.toml`: either `[nav]` with the files of `[receiver]` and `[accelerometer]`, or
 /// `[simulate]`.
@@ -113,6 +113,14 @@ pub(super) struct FilterConfig {
     pub(super) gate_sigmas: f64,
     /// Equation (15) of the paper; harmful.
     pub(super) adaptive: bool,
+    /// Whether the variance of linearisation is added to the measurements'.
+    pub(super) second_order: bool,
+    /// Spectral densities instead of those of the tuning.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) jerk_m2_per_s5: Option<f64>,
+    /// With 17 states in rad²/s³, with 20 in rad²/s⁵.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) turning_density: Option<f64>,
     /// Measurements that come later than others by up to this are put in their place.
     pub(super) order_window_s: f64,
 }
@@ -202,6 +210,9 @@ impl Default for FilterConfig {
             attitude: AttitudeWord::Quaternion,
             gate_sigmas: 5.0,
             adaptive: false,
+            second_order: true,
+            jerk_m2_per_s5: None,
+            turning_density: None,
             order_window_s: 0.2,
         }
     }
@@ -283,6 +294,7 @@ impl Config {
             UsageError(format!("filter.tuning: `{found}` found, {} expected", words.join(", ")))
         })?;
         let angular_acceleration = filter.states == 20;
+        let densities = tuning.densities(angular_acceleration);
         let drift =
             |initial_sd: f64, density| (initial_sd > 0.0).then_some(Drift { initial_sd, density });
         let drift_rad = arm.phase_drift_deg.to_radians();
@@ -292,11 +304,15 @@ impl Config {
                 AttitudeWord::Quaternion => AttitudeForm::Quaternion,
             },
             angular_acceleration,
-            process_noise: ProcessNoise::Continuous(tuning.densities(angular_acceleration)),
+            process_noise: ProcessNoise::Continuous(Densities {
+                jerk: filter.jerk_m2_per_s5.unwrap_or(densities.jerk),
+                turning: filter.turning_density.unwrap_or(densities.turning),
+                ..densities
+            }),
             adaptive: filter.adaptive,
+            second_order: filter.second_order,
             gate: Gate::Innovation { sigmas: filter.gate_sigmas },
             accelerometer_sd_mps2: accelerometer.sd_mps2,
-            accelerometer_range_mps2: accelerometer.range_mps2,
             bias: drift(accelerometer.bias_sd_mps2, BIAS_DENSITY),
             arm_angle: drift(arm.phase_sd_deg.to_radians(), drift_rad * drift_rad),
             ambiguity_slots: if self.receiver.phase_sd_m > 0.0 { AMBIGUITY_SLOTS } else { 0 },
@@ -326,6 +342,8 @@ impl Config {
         let positive = [
             ("arm.radius_m", self.arm.radius_m),
             ("filter.gate_sigmas", filter.gate_sigmas),
+            ("filter.jerk_m2_per_s5", filter.jerk_m2_per_s5.unwrap_or(1.0)),
+            ("filter.turning_density", filter.turning_density.unwrap_or(1.0)),
             ("accelerometer.sd_mps2", accelerometer.sd_mps2),
             ("accelerometer.range_mps2", accelerometer.range_mps2),
             ("accelerometer.arm_angle_sd_deg", accelerometer.arm_angle_sd_deg),
@@ -353,10 +371,4 @@ impl Config {
             found => Err(UsageError(format!("filter.states: {found} found, 17 or 20 expected"))),
         }
     }
-}
-
-/// Heading, pitch, roll in degrees.
-pub(super) fn attitude(angles_deg: [f64; 3]) -> Attitude {
-    let [heading_rad, pitch_rad, roll_rad] = angles_deg.map(f64::to_radians);
-    Attitude { heading_rad, pitch_rad, roll_rad }
 }

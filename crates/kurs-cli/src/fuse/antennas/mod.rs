@@ -1,0 +1,100 @@
+//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, carried on by an inertial
+//! sensor.
+
+mod config;
+mod rows;
+mod solved_rows;
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::bail;
+use kurs::fusion::attitude_session::AttitudeSession;
+use kurs::solution::EpochSolution;
+
+use super::Args;
+use super::imu::Sensor;
+use crate::config_file;
+use crate::failure::UsageError;
+use crate::truth::Truth;
+use config::Config;
+use rows::{Inputs, Rows};
+
+/// Runs the command.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let config: Config = config_file::read(&args.config)?;
+    if args.write_inputs.is_some() {
+        let text =
+            "--write-inputs is for [simulate]; a car with antennas and sensor: kurs simulate";
+        return Err(UsageError(text.to_owned()).into());
+    }
+    let folder = args.config.parent().unwrap_or(Path::new(""));
+    config.check()?;
+    let mut sensor = Sensor::open(folder, &config.imu)?;
+    let settings = config.session(sensor.has_gyro_bias());
+    let smooth = settings.smooth;
+    let (solved, mut damage) = solved_rows::read(&folder.join(&config.antennas.attitude))?;
+    if settings.place.is_none() && solved.iter().all(|row| row.position.is_none()) {
+        let text = "antennas.latitude_deg: the attitude file has no positions, so it must be given";
+        return Err(UsageError(text.to_owned()).into());
+    }
+    let solved = solved_rows::fill_pauses(solved, config.output.interval_s);
+    let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
+    let mut rows = Rows::create(&args.out, truth, smooth)?;
+
+    let started = Instant::now();
+    let mut session = AttitudeSession::new(settings);
+    let too_late = fuse(&mut session, solved, &mut sensor, &mut rows)?;
+    if smooth {
+        rows.write_smoothed(session)?;
+    }
+    damage.extend_from_slice(sensor.damage());
+    let inputs = Inputs {
+        configuration: format!("{config:?}"),
+        damage: &damage,
+        too_late,
+        wall_s: started.elapsed().as_secs_f64(),
+    };
+    let finished = rows.finish(&args.out, &inputs)?;
+    if !args.quiet {
+        println!("{}", finished.text);
+        damage.iter().take(1).for_each(|d| println!("{} damaged places, first: {d}", damage.len()));
+        println!("written to {}", args.out.display());
+    }
+    if finished.has_solution {
+        return Ok(ExitCode::SUCCESS);
+    }
+    bail!("no row has an attitude to start from: fixed or float with a standard deviation")
+}
+
+/// Feeds rows and samples to the session, whichever is behind; how many came too late.
+fn fuse(
+    session: &mut AttitudeSession,
+    solved: Vec<EpochSolution>,
+    sensor: &mut Sensor,
+    rows: &mut Rows,
+) -> anyhow::Result<usize> {
+    let mut too_late = 0;
+    for row in solved {
+        let time_s = session.seconds(row.time);
+        while let Some((at_s, sample)) = sensor.next_before(time_s) {
+            too_late += usize::from(session.push_sample(at_s, sample).is_err());
+            while let Some(fused) = session.next_row() {
+                rows.write(&fused)?;
+            }
+        }
+        too_late += usize::from(session.push_row(row).is_err());
+    }
+    // A little further: the sample that covers the last row.
+    while let Some((at_s, sample)) = sensor.next_before(f64::INFINITY) {
+        too_late += usize::from(session.push_sample(at_s, sample).is_err());
+        while let Some(fused) = session.next_row() {
+            rows.write(&fused)?;
+        }
+    }
+    while let Some(fused) = session.last_row() {
+        rows.write(&fused)?;
+    }
+    Ok(too_late)
+}

@@ -1,0 +1,254 @@
+//! What `kurs fuse` writes for antennas and an inertial sensor: `attitude.csv` and `smoothed.csv` with
+//! the columns of `kurs solve`, `health.csv`, `summary.json`.
+
+use std::path::Path;
+
+use kurs::fusion::arm_session::Event;
+use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
+use kurs::solution::Status;
+use serde::Serialize;
+
+use crate::fuse::agreement::{Agreement, TruthSummary};
+use crate::output::OutputFile;
+use crate::summary::{Damage, Summary, SummaryFile};
+use crate::table::{Table, TableFormat};
+use crate::tables::{TimeColumns, create_attitude, create_like_attitude, write_attitude};
+use crate::truth::Truth;
+
+/// Health of the filter since the row before.
+const HEALTH: &[&str] = &[
+    "time_gpst",
+    "gps_week",
+    "tow_s",
+    "coasting_s",
+    "attitude_used",
+    "attitude_rejected",
+    "attitude_nis",
+    "velocity_used",
+    "velocity_rejected",
+    "velocity_nis",
+    "saturated",
+    "unusable",
+    "without_samples_s",
+    "event",
+];
+
+/// The tables in the making.
+pub(super) struct Rows {
+    attitude: Table,
+    smoothed: Option<Table>,
+    health: Table,
+    truth: Option<Truth>,
+    filtered_agreement: Agreement,
+    smoothed_agreement: Agreement,
+    summary: Summary,
+    total: Total,
+    events: Vec<String>,
+}
+
+/// What went in, for the summary.
+pub(super) struct Inputs<'a> {
+    pub(super) configuration: String,
+    pub(super) damage: &'a [Damage],
+    pub(super) too_late: usize,
+    pub(super) wall_s: f64,
+}
+
+/// How the run ended.
+pub(super) struct Finished {
+    pub(super) has_solution: bool,
+    /// For the terminal.
+    pub(super) text: String,
+}
+
+/// Sums over all rows; attitudes and velocities count as one each, not by component.
+#[derive(Debug, Default, Serialize)]
+struct Total {
+    attitudes_used: usize,
+    attitudes_rejected: usize,
+    /// Mean normalised innovation squared of a component; 1 for noise as stated.
+    attitude_mean_nis: Option<f64>,
+    velocities_used: usize,
+    velocities_rejected: usize,
+    velocity_mean_nis: Option<f64>,
+    saturated: usize,
+    unusable: usize,
+    without_samples_s: f64,
+    longest_coasting_s: f64,
+    too_late: usize,
+    #[serde(skip)]
+    attitude_nis: f64,
+    #[serde(skip)]
+    velocity_nis: f64,
+}
+
+/// What stands in `summary.json` besides the summary of the rows.
+#[derive(Debug, Serialize)]
+struct FusionSummary<'a> {
+    #[serde(flatten)]
+    rows: SummaryFile<'a>,
+    filter: Total,
+    events: &'a [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth: Option<TruthSummary>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth_smoothed: Option<TruthSummary>,
+}
+
+impl Rows {
+    pub(super) fn create(
+        directory: &Path,
+        truth: Option<Truth>,
+        smooth: bool,
+    ) -> anyhow::Result<Self> {
+        let format = TableFormat::Csv;
+        let smoothed = smooth.then(|| create_like_attitude(directory, "smoothed", format));
+        let smoothed = smoothed.transpose()?;
+        Ok(Self {
+            attitude: create_attitude(directory, format)?,
+            smoothed,
+            health: Table::create(directory, "health", format, HEALTH)?,
+            truth,
+            filtered_agreement: Agreement::default(),
+            smoothed_agreement: Agreement::default(),
+            summary: Summary::new(Vec::new()),
+            total: Total::default(),
+            events: Vec::new(),
+        })
+    }
+
+    /// Writes a row of the filter.
+    pub(super) fn write(&mut self, row: &FusedRow) -> anyhow::Result<()> {
+        let solution = &row.solution;
+        let time = TimeColumns::new(solution.time);
+        write_attitude(&mut self.attitude, &time, solution)?;
+        self.summary.add(solution, false);
+        self.total.add(&row.health);
+        self.write_health(&time, row)?;
+        if let Some(truth) = &self.truth {
+            self.filtered_agreement.add(solution, truth);
+        }
+        for (time_s, event) in &row.events {
+            let text = format!("{time_s:.3} s: {event}");
+            if !matches!(event, Event::Started) {
+                eprintln!("{text}");
+            }
+            self.events.push(text);
+        }
+        Ok(())
+    }
+
+    /// Writes the rows of the backward pass.
+    pub(super) fn write_smoothed(&mut self, session: AttitudeSession) -> anyhow::Result<()> {
+        let Some(table) = &mut self.smoothed else { return Ok(()) };
+        for solution in session.into_smoothed() {
+            write_attitude(table, &TimeColumns::new(solution.time), &solution)?;
+            if let Some(truth) = &self.truth {
+                self.smoothed_agreement.add(&solution, truth);
+            }
+        }
+        Ok(())
+    }
+
+    fn write_health(&mut self, time: &TimeColumns, row: &FusedRow) -> anyhow::Result<()> {
+        let (t, health) = (&mut self.health, &row.health);
+        let whole = |count: usize| i64::try_from(count).unwrap_or(i64::MAX);
+        time.write(t);
+        t.real(Some(health.coasting_s), 3);
+        for tally in [health.attitude, health.velocity] {
+            t.integer(whole(tally.used));
+            t.integer(whole(tally.rejected));
+            t.real(Some(tally.nis), 3);
+        }
+        t.integer(whole(health.saturated));
+        t.integer(whole(health.unusable));
+        t.real(Some(health.without_samples_s), 3);
+        let events: Vec<String> = row.events.iter().map(|(_, event)| event.to_string()).collect();
+        t.text(&events.join("; "));
+        t.end_row()
+    }
+
+    /// Ends the tables.
+    pub(super) fn finish(mut self, directory: &Path, inputs: &Inputs) -> anyhow::Result<Finished> {
+        self.total.too_late = inputs.too_late;
+        let finished = Finished {
+            has_solution: self.events.iter().any(|event| event.ends_with("filter started")),
+            text: self.text(),
+        };
+        let summary = FusionSummary {
+            rows: self.summary.file(&inputs.configuration, inputs.damage, inputs.wall_s),
+            filter: self.total.with_means(),
+            events: &self.events,
+            truth: self.filtered_agreement.summary(),
+            truth_smoothed: self.smoothed_agreement.summary(),
+        };
+        let mut json = OutputFile::create(directory, "summary.json")?;
+        serde_json::to_writer_pretty(&mut json, &summary)?;
+        json.finish()?;
+        self.attitude.finish()?;
+        self.smoothed.map_or(Ok(()), Table::finish)?;
+        self.health.finish()?;
+        Ok(finished)
+    }
+
+    /// The few lines a user wants to see at the end.
+    fn text(&self) -> String {
+        let total = &self.total;
+        let count = |status| self.summary.count(status);
+        let mut lines = vec![format!(
+            "{} rows: {} with a fix, {} carried on, {} without attitude",
+            self.summary.epochs(),
+            count(Status::Fixed),
+            count(Status::Float),
+            self.summary.epochs() - count(Status::Fixed) - count(Status::Float)
+        )];
+        lines.push(format!(
+            "attitudes: {} used, {} rejected; longest time without one {:.1} s",
+            total.attitudes_used, total.attitudes_rejected, total.longest_coasting_s
+        ));
+        if total.attitudes_rejected > total.attitudes_used {
+            lines.push(
+                "most attitudes were rejected: are unit, mounting and time of the sensor right?"
+                    .to_owned(),
+            );
+        }
+        let odd = [
+            ("saturated", total.saturated),
+            ("not a number", total.unusable),
+            ("too late", total.too_late),
+        ];
+        for (what, count) in odd.iter().filter(|(_, count)| *count > 0) {
+            lines.push(format!("left out: {count} {what}"));
+        }
+        if total.without_samples_s > 0.0 {
+            lines.push(format!("{:.1} s without samples were bridged", total.without_samples_s));
+        }
+        lines.extend(self.filtered_agreement.text("filter"));
+        lines.extend(self.smoothed_agreement.text("smoothed"));
+        lines.join("\n")
+    }
+}
+
+impl Total {
+    fn add(&mut self, health: &CoastingHealth) {
+        self.attitudes_used += health.attitude.used / 3;
+        self.attitudes_rejected += health.attitude.rejected / 3;
+        self.attitude_nis += health.attitude.nis;
+        self.velocities_used += health.velocity.used / 3;
+        self.velocities_rejected += health.velocity.rejected / 3;
+        self.velocity_nis += health.velocity.nis;
+        self.saturated += health.saturated;
+        self.unusable += health.unusable;
+        self.without_samples_s += health.without_samples_s;
+        self.longest_coasting_s = self.longest_coasting_s.max(health.coasting_s);
+    }
+
+    fn with_means(self) -> Self {
+        let mean = |sum: f64, count: usize| (count > 0).then(|| sum / (3 * count) as f64);
+        Self {
+            attitude_mean_nis: mean(self.attitude_nis, self.attitudes_used),
+            velocity_mean_nis: mean(self.velocity_nis, self.velocities_used),
+            ..self
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Reads the rows that `kurs solve` and `kurs orient` wrote: `attitude.csv`.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use kurs::frames::{Geodetic, Rotation, Vector};
+use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use kurs::time::GpsTime;
+use nalgebra::Matrix3;
+
+use crate::summary::Damage;
+
+/// Pauses of the antennas are filled with rows up to this length, s.
+const LONGEST_FILLED_S: f64 = 3600.0;
+/// Longest list of damage that is kept.
+const LISTED_DAMAGE: usize = 20;
+/// Rows whose spacing says how often the antennas measure.
+const SPACINGS: usize = 200;
+
+/// The rows in the order of the file, and what could not be used.
+pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damage>)> {
+    let name = path.display();
+    let mut reader = csv::ReaderBuilder::new()
+        .flexible(true)
+        .from_path(path)
+        .with_context(|| format!("{name}: cannot be read"))?;
+    let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
+    for needed in ["gps_week", "tow_s", "status", "heading_deg", "heading_sd_deg"] {
+        if !header.iter().any(|column| column == needed) {
+            bail!("{name}:1: no column `{needed}`: attitude.csv of kurs solve is expected");
+        }
+    }
+    let (mut rows, mut damage) = (Vec::new(), Vec::new());
+    for record in reader.records() {
+        let (line, row) = match record {
+            Ok(record) => {
+                let line = record.position().map_or(0, csv::Position::line);
+                (line, Fields { header: &header, record: &record }.row())
+            }
+            Err(error) => {
+                let line = error.position().map_or(0, csv::Position::line);
+                (line, Err(error.to_string()))
+            }
+        };
+        match row {
+            Ok(row) => rows.push(row),
+            Err(what) if damage.len() < LISTED_DAMAGE => {
+                damage.push(Damage { file: name.to_string(), line, what });
+            }
+            Err(_) => {}
+        }
+    }
+    if rows.is_empty() {
+        bail!("{name}: no usable row");
+    }
+    Ok((rows, damage))
+}
+
+/// Puts rows without a solution where the antennas have none for longer than one and a half
+/// intervals: by default the interval at which they measure.
+pub(super) fn fill_pauses(rows: Vec<EpochSolution>, interval_s: Option<f64>) -> Vec<EpochSolution> {
+    let mut spacings: Vec<f64> =
+        rows.windows(2).take(SPACINGS).map(|pair| pair[1].time - pair[0].time).collect();
+    spacings.sort_by(f64::total_cmp);
+    let usual_s = spacings.get(spacings.len() / 2).copied();
+    let Some(interval_s) = interval_s.or(usual_s).filter(|s| *s > 0.0) else { return rows };
+    let mut filled: Vec<EpochSolution> = Vec::with_capacity(rows.len());
+    for row in rows {
+        while let Some(last) = filled.last() {
+            let pause_s = row.time - last.time;
+            if pause_s <= 1.5 * interval_s || pause_s > LONGEST_FILLED_S {
+                break;
+            }
+            filled.push(EpochSolution::lost(last.time + interval_s, Reason::FewAntennas));
+        }
+        filled.push(row);
+    }
+    filled
+}
+
+/// One record by the names of its columns.
+struct Fields<'a> {
+    header: &'a csv::StringRecord,
+    record: &'a csv::StringRecord,
+}
+
+impl Fields<'_> {
+    fn row(&self) -> Result<EpochSolution, String> {
+        let week: i32 = self.text("gps_week").parse().map_err(|_| self.wrong("gps_week"))?;
+        let tow_s = self.number("tow_s")?.ok_or_else(|| self.wrong("tow_s"))?;
+        let time = GpsTime::from_week_tow(week, tow_s).ok_or_else(|| self.wrong("tow_s"))?;
+        let known = Status::ALL.iter().find(|status| status.word() == self.text("status"));
+        let status = *known.ok_or_else(|| self.wrong("status"))?;
+        let count = |name: &str| self.text(name).parse().unwrap_or(0);
+        Ok(EpochSolution {
+            status,
+            reason: Reason::ALL.into_iter().find(|reason| reason.word() == self.text("reason")),
+            antennas: count("antennas"),
+            satellites: count("satellites"),
+            ambiguities: count("ambiguities"),
+            attitude: self.attitude()?,
+            success_rate: self.number("success_rate")?,
+            ratio: self.number("ratio")?,
+            residual_rms_m: self.number("residual_rms_m")?,
+            position: self.position()?,
+            ..EpochSolution::lost(time, Reason::BadInput)
+        })
+    }
+
+    fn attitude(&self) -> Result<Option<AttitudeEstimate>, String> {
+        let angle = |name: &str| Ok::<_, String>(self.number(name)?.map(f64::to_radians));
+        let [heading_rad, pitch_rad, roll_rad] =
+            [angle("heading_deg")?, angle("pitch_deg")?, angle("roll_deg")?];
+        if heading_rad.is_none() {
+            return Ok(None);
+        }
+        let mut covariance_deg2 = Matrix3::zeros();
+        for (k, name) in ["heading_sd_deg", "pitch_sd_deg", "roll_sd_deg"].iter().enumerate() {
+            covariance_deg2[(k, k)] = self.number(name)?.unwrap_or(0.0).powi(2);
+        }
+        for (i, j, name) in [(0, 1, "cov_hp_deg2"), (0, 2, "cov_hr_deg2"), (1, 2, "cov_pr_deg2")] {
+            let value = self.number(name)?.unwrap_or(0.0);
+            covariance_deg2[(i, j)] = value;
+            covariance_deg2[(j, i)] = value;
+        }
+        let mut quaternion = [0.0; 4];
+        let mut is_whole = true;
+        for (part, name) in quaternion.iter_mut().zip(["qw", "qx", "qy", "qz"]) {
+            let value = self.number(name)?;
+            is_whole &= value.is_some();
+            *part = value.unwrap_or(0.0);
+        }
+        let norm = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+        if is_whole && (norm - 1.0).abs() > 1e-6 {
+            return Err(format!("qw, qx, qy, qz: length {norm:.6}, expected 1"));
+        }
+        let radian = 1f64.to_radians();
+        Ok(Some(AttitudeEstimate {
+            heading_rad,
+            pitch_rad,
+            roll_rad,
+            covariance_rad2: covariance_deg2 * radian * radian,
+            ned_from_body: is_whole.then(|| Rotation::from_quaternion(quaternion)),
+        }))
+    }
+
+    fn position(&self) -> Result<Option<PositionEstimate>, String> {
+        let coordinates = ["latitude_deg", "longitude_deg", "height_m"];
+        let [latitude, longitude, height] = coordinates.map(|name| self.number(name));
+        let (Some(latitude_deg), Some(longitude_deg), Some(height_m)) =
+            (latitude?, longitude?, height?)
+        else {
+            return Ok(None);
+        };
+        let geodetic = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m);
+        let mut covariance_m2 = Matrix3::zeros();
+        for (k, name) in ["sd_north_m", "sd_east_m", "sd_down_m"].iter().enumerate() {
+            covariance_m2[(k, k)] = self.number(name)?.unwrap_or(f64::NAN).powi(2);
+        }
+        let velocity = ["vel_north_mps", "vel_east_mps", "vel_down_mps"];
+        let [north, east, down] = velocity.map(|name| self.number(name));
+        let velocity_mps = match (north?, east?, down?) {
+            (Some(north), Some(east), Some(down)) => Some(Vector::new(north, east, down)),
+            _ => None,
+        };
+        Ok(Some(PositionEstimate {
+            geodetic,
+            position_m: geodetic.to_ecef(),
+            covariance_m2,
+            velocity_mps,
+            clock_m: self.number("clock_bias_m")?,
+        }))
+    }
+
+    /// A finite number; `None` for an empty field or a column that the file does not have.
+    fn number(&self, name: &str) -> Result<Option<f64>, String> {
+        let text = self.text(name);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+        value.map(Some).ok_or_else(|| self.wrong(name))
+    }
+
+    fn text(&self, name: &str) -> &str {
+        let place = self.header.iter().position(|column| column == name);
+        place.and_then(|place| self.record.get(place)).unwrap_or_default().trim()
+    }
+
+    fn wrong(&self, name: &str) -> String {
+        format!("{name}: `{}` found, which is not what kurs solve writes", self.text(name))
+    }
+}

@@ -1,0 +1,102 @@
+//! `kurs fuse` with `[arm]`: GNSS and accelerometers on a rotating arm, from recordings or simulated.
+
+mod config;
+mod input;
+mod rows;
+mod simulated;
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::bail;
+use kurs::fusion::arm_session::{ArmSession, SessionRow};
+use kurs::observation::AntennaEpoch;
+
+use super::Args;
+use crate::config_file;
+use crate::failure::UsageError;
+use crate::summary::Damage;
+use crate::truth::Truth;
+use config::Config;
+use input::Input;
+use rows::Rows;
+
+/// Runs the command.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let config: Config = config_file::read(&args.config)?;
+    let settings = config.session()?;
+    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let mut truth = args.truth.clone();
+    let mut input = match (&config.simulate, &config.nav) {
+        (Some(simulate), None) => {
+            let recording = simulated::recording(&config, simulate, &settings.filter)?;
+            if let Some(directory) = &args.write_inputs {
+                let made = simulated::write_inputs(directory, &config, &recording)?;
+                println!("next: kurs fuse {}", made.display());
+                return Ok(ExitCode::SUCCESS);
+            }
+            simulated::write_truth(&args.out, recording.clone())?;
+            truth.get_or_insert_with(|| args.out.join(simulated::TRUTH));
+            Input::simulated(folder, &config, recording)?
+        }
+        (None, Some(nav)) => Input::open(folder, &config, nav)?,
+        _ => {
+            let expected = "either [simulate], or [nav] with receiver.obs and accelerometer.file";
+            return Err(UsageError(format!("{expected} must stand")).into());
+        }
+    };
+    input.refuse_other_units(&settings.filter.arm)?;
+    let truth = truth.map(|path| Truth::read(&path, &[])).transpose()?;
+    let mut rows = Rows::create(&args.out, truth)?;
+    let started = Instant::now();
+    let session = ArmSession::new(settings, input.navigation.clone());
+    let (damage, too_late) = fuse(session, input, &mut rows)?;
+    let wall_s = started.elapsed().as_secs_f64();
+    let finished = rows.finish(&args.out, &format!("{config:?}"), &damage, too_late, wall_s)?;
+    if !args.quiet {
+        println!("{}", finished.text);
+        damage.iter().take(1).for_each(|d| println!("{} damaged places, first: {d}", damage.len()));
+        println!("written to {}", args.out.display());
+    }
+    match (finished.has_solution, finished.main_reason) {
+        (true, _) => Ok(ExitCode::SUCCESS),
+        (false, Some(word)) => bail!("every epoch is lost, mostly because of `{word}`"),
+        (false, None) => bail!("no epoch in any observation file"),
+    }
+}
+
+/// Feeds both streams to the session, whichever is behind, and writes its rows; what was damaged,
+/// and how many measurements came too late.
+fn fuse(
+    mut session: ArmSession,
+    mut input: Input,
+    rows: &mut Rows,
+) -> anyhow::Result<(Vec<Damage>, usize)> {
+    let mut epoch = AntennaEpoch::default();
+    let mut too_late = 0;
+    while input.next_epoch(&mut epoch)? {
+        let time_s = session.seconds(epoch.time);
+        while let Some((at_s, sample)) = input.next_sample_before(time_s) {
+            too_late += usize::from(session.push_sample(at_s, sample).is_err());
+            write_ready(rows, || session.next_row())?;
+        }
+        too_late += usize::from(session.push_epoch(std::mem::take(&mut epoch)).is_err());
+        write_ready(rows, || session.next_row())?;
+    }
+    while let Some((at_s, sample)) = input.next_sample_before(f64::INFINITY) {
+        too_late += usize::from(session.push_sample(at_s, sample).is_err());
+    }
+    write_ready(rows, || session.last_row())?;
+    Ok((input.damage(), too_late))
+}
+
+fn write_ready(
+    rows: &mut Rows,
+    mut next: impl FnMut() -> Option<SessionRow>,
+) -> anyhow::Result<()> {
+    while let Some(row) = next() {
+        rows.write(&row)?;
+    }
+    Ok(())
+}

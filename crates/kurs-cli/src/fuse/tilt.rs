@@ -1,0 +1,172 @@
+//! `kurs fuse` with `[tilt]`: pitch and roll of a body from its inertial sensor alone, by a
+//! complementary filter for each, and by exponential smoothing of what the accelerometers show.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::bail;
+use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
+use kurs::fusion::complementary::ComplementaryFilter;
+use nalgebra::Vector3;
+use serde::Deserialize;
+
+use super::Args;
+use super::imu::{ImuConfig, Sensor};
+use crate::config_file;
+use crate::failure::UsageError;
+use crate::table::{Table, TableFormat};
+
+const COLUMNS: &[&str] = &[
+    "time_s",
+    "pitch_deg",
+    "roll_deg",
+    "accelerometer_pitch_deg",
+    "accelerometer_roll_deg",
+    "smoothed_pitch_deg",
+    "smoothed_roll_deg",
+];
+
+/// `kurs fuse CONFIG.toml` with `[tilt]` and `[imu]`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    tilt: TiltConfig,
+    imu: ImuConfig,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct TiltConfig {
+    /// a: the share of the gyro.
+    gyro_share: f64,
+    /// k_i, 1/s²; 0: no integral term.
+    integral_gain: f64,
+    /// α of the exponential smoothing.
+    smoothing: f64,
+}
+
+impl Default for TiltConfig {
+    fn default() -> Self {
+        Self { gyro_share: 0.995, integral_gain: 0.0, smoothing: 0.1 }
+    }
+}
+
+/// Pitch and roll, each with the same two filters.
+struct Tilt {
+    complementary: [ComplementaryFilter; 2],
+    smoothing: [ExponentialSmoothing; 2],
+    last_s: f64,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let config: Config = config_file::read(&args.config)?;
+    if args.write_inputs.is_some() || args.truth.is_some() {
+        let text = "--write-inputs and --truth do not go with [tilt]";
+        return Err(UsageError(text.to_owned()).into());
+    }
+    let smoothing = config.tilt.check()?;
+    config.imu.check()?;
+    let mut sensor = Sensor::open(args.config.parent().unwrap_or(Path::new("")), &config.imu)?;
+    if !sensor.has_accelerometer() {
+        bail!(
+            "{}: no accelerometer columns (ax_mps2, ay_mps2, az_mps2)",
+            config.imu.file.display()
+        );
+    }
+    let mut table = Table::create(&args.out, "tilt", TableFormat::Csv, COLUMNS)?;
+    let mut tilt: Option<Tilt> = None;
+    let (mut rows, mut left_out) = (0u64, 0u64);
+    while let Some((time_s, sample)) = sensor.next_before(f64::INFINITY) {
+        let shown = sample.specific_force_mps2.map(|force| shown_by_gravity(&force.xyz()));
+        let Some(now) = &mut tilt else {
+            tilt = shown.map(|angles| Tilt::new(&config.tilt, smoothing, angles, time_s));
+            continue;
+        };
+        if time_s <= now.last_s {
+            left_out += 1;
+            continue;
+        }
+        let rate = sample.rate_radps.map(|rate| rate.xyz());
+        let [angles, smoothed] = now.update(time_s, rate, shown);
+        let shown = shown.map_or([f64::NAN; 2], |angles| angles);
+        table.real(Some(time_s), 4);
+        for angle in [angles, shown, smoothed].as_flattened() {
+            table.real(Some(angle.to_degrees()), 4);
+        }
+        table.end_row()?;
+        rows += 1;
+    }
+    table.finish()?;
+    sensor.damage().iter().for_each(|damage| eprintln!("{damage}"));
+    if left_out > 0 {
+        eprintln!("{left_out} samples left out: their time goes back");
+    }
+    if rows == 0 {
+        bail!("{}: no two samples that can be used", config.imu.file.display());
+    }
+    if !args.quiet {
+        println!("{rows} rows written to {}", args.out.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl TiltConfig {
+    fn check(&self) -> Result<ExponentialSmoothing, UsageError> {
+        let Self { gyro_share, integral_gain, smoothing } = *self;
+        if !(0.0..1.0).contains(&gyro_share) {
+            let text = format!("tilt.gyro_share: {gyro_share} found, 0 to below 1 expected");
+            return Err(UsageError(text));
+        }
+        if !(0.0..=1e3).contains(&integral_gain) {
+            let text = format!("tilt.integral_gain: {integral_gain} found, 0 to 1000 expected");
+            return Err(UsageError(text));
+        }
+        ExponentialSmoothing::new(smoothing).ok_or_else(|| {
+            UsageError(format!("tilt.smoothing: {smoothing} found, above 0 to 1 expected"))
+        })
+    }
+}
+
+impl Tilt {
+    fn new(
+        config: &TiltConfig,
+        smoothing: ExponentialSmoothing,
+        angles_rad: [f64; 2],
+        time_s: f64,
+    ) -> Self {
+        let filter = |angle_rad| ComplementaryFilter {
+            integral_gain: config.integral_gain,
+            ..ComplementaryFilter::new(config.gyro_share, angle_rad)
+        };
+        Self { complementary: angles_rad.map(filter), smoothing: [smoothing; 2], last_s: time_s }
+    }
+
+    /// Filtered and smoothed pitch and roll; what is not known of a sample is left out.
+    fn update(
+        &mut self,
+        time_s: f64,
+        rate_radps: Option<Vector3<f64>>,
+        shown_rad: Option<[f64; 2]>,
+    ) -> [[f64; 2]; 2] {
+        let step_s = time_s - self.last_s;
+        self.last_s = time_s;
+        let [pitch, roll] = [0, 1].map(|k| self.complementary[k].angle_rad);
+        let ((sin_roll, cos_roll), tan_pitch) = (roll.sin_cos(), pitch.tan());
+        // ṗ = ω_y cos r − ω_z sin r,  ṙ = ω_x + tan p (ω_y sin r + ω_z cos r)
+        let rates = rate_radps.map_or([f64::NAN; 2], |w| {
+            let across = w.y * sin_roll + w.z * cos_roll;
+            [w.y * cos_roll - w.z * sin_roll, w.x + tan_pitch * across]
+        });
+        let shown = shown_rad.unwrap_or([f64::NAN; 2]);
+        let filtered = [0, 1].map(|k| self.complementary[k].update(rates[k], shown[k], step_s));
+        let smoothed = [0, 1].map(|k| self.smoothing[k].update(shown[k]).unwrap_or(f64::NAN));
+        [filtered, smoothed]
+    }
+}
+
+/// Pitch and roll at which a resting sensor would feel this: −g in body axes.
+fn shown_by_gravity(force_mps2: &Vector3<f64>) -> [f64; 2] {
+    let [x, y, z]: [f64; 3] = (*force_mps2).into();
+    [x.atan2(y.hypot(z)), (-y).atan2(-z)]
+}

@@ -1,0 +1,552 @@
+//! The attitudes of the antennas and an inertial sensor from first to last: both in the order of
+//! their times, the filter started at an attitude of the antennas, carried on by the sensor, started
+//! again where it cannot go on, and smoothed backwards at the end.
+//!
+//! In: the rows of [`crate::engine::Engine::push`], with or without a solution, and samples. Out: a
+//! row for every one that came in, with the attitude of the filter in it.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::arm_filter::Tally;
+use super::arm_session::Event;
+use super::attitude_filter::{
+    AttitudeFilter, Corrected, InertialSample, InertialSettings, MeasuredAttitude,
+    MeasuredVelocity, Nominal,
+};
+use super::smoother::{Recorder, Smoothed};
+use super::time_order::{TimeOrder, TooLate};
+use crate::attitude::angles::angles_from_rotation_vector;
+use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
+use crate::signal::SPEED_OF_LIGHT_MPS;
+use crate::solution::{AttitudeEstimate, EpochSolution, Reason, Status};
+use crate::time::GpsTime;
+
+/// A pause of the samples longer than so many usual steps has lost some of them.
+const LOST_SAMPLES: f64 = 2.5;
+/// How fast the usual step follows the steps.
+const STEP_SHARE: f64 = 0.05;
+/// So many fixes in a row that the filter refuses: it must be wrong itself.
+const LOCKED_OUT_EPOCHS: usize = 20;
+/// Variance of an angle that was not measured, rad²: further off than any angle can be.
+const UNMEASURED: f64 = 100.0;
+
+/// What a session needs to know beforehand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttitudeSessionSettings {
+    /// Quality of the sensor.
+    pub inertial: InertialSettings,
+    /// Whether attitudes from real-valued ambiguities are used too.
+    pub use_float: bool,
+    /// 1 σ of the rows' velocities on each axis; `None` leaves them out.
+    pub velocity_sd_mps: Option<f64>,
+    /// From the sensor to the point whose velocity the rows have.
+    pub lever_arm_m: Vector<Body>,
+    /// Time over which the errors of the antennas' attitudes are alike (multipath); their variance is
+    /// raised so that averaging over it gains nothing. 0: independent.
+    pub correlation_s: f64,
+    /// 1 σ of an angle that the first row does not have.
+    pub first_angle_sd_rad: f64,
+    /// Where the body is as long as no row says it.
+    pub place: Option<Geodetic>,
+    /// Input may come so much later than other input of its time.
+    pub order_window_s: f64,
+    /// Whether the states are kept for [`AttitudeSession::into_smoothed`].
+    pub smooth: bool,
+}
+
+/// One sample: mean rate and specific force from the sample before to this one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImuSample {
+    /// Against inertial space, rad/s; `None` if it was at the end of its range.
+    pub rate_radps: Option<Vector<Body>>,
+    /// m/s²; `None` without accelerometers, or at the end of their range.
+    pub specific_force_mps2: Option<Vector<Body>>,
+    /// Whether anything was at the end of its range.
+    pub saturated: bool,
+}
+
+/// What the filter did since the row before.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CoastingHealth {
+    /// Components of the antennas' attitude.
+    pub attitude: Tally,
+    /// Of their velocity.
+    pub velocity: Tally,
+    /// Samples at the end of their range.
+    pub saturated: usize,
+    /// Samples that were no numbers, and attitudes whose covariance says nothing.
+    pub unusable: usize,
+    /// Time without samples that was bridged.
+    pub without_samples_s: f64,
+    /// Time since an attitude of the antennas was last used.
+    pub coasting_s: f64,
+}
+
+/// A row that came in, with what the filter makes of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FusedRow {
+    /// `fixed` if a fixed attitude was used in it, otherwise `float`; as it came in while no filter
+    /// runs.
+    pub solution: EpochSolution,
+    /// Health of the filter since the row before.
+    pub health: CoastingHealth,
+    /// Since the row before, each with its time, seconds of the first row's week.
+    pub events: Vec<(f64, Event)>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Input {
+    Sample(ImuSample),
+    Row(Box<EpochSolution>),
+}
+
+/// A row on its way through the session.
+#[derive(Debug, Clone)]
+struct Made {
+    solution: EpochSolution,
+    /// Rate of the body at it, for the velocity of another point.
+    rate_radps: Vector3<f64>,
+    /// Whether the recorder of the running filter holds a state for it.
+    recorded: bool,
+}
+
+/// The filter with its inputs.
+#[derive(Debug, Clone)]
+pub struct AttitudeSession {
+    settings: AttitudeSessionSettings,
+    filter: Option<AttitudeFilter>,
+    order: TimeOrder<Input>,
+    /// Rows that wait for the sample that covers them.
+    pending: VecDeque<(f64, EpochSolution)>,
+    ready: VecDeque<FusedRow>,
+    /// Time zero: the start of the week of the first row.
+    week: Option<GpsTime>,
+    clock_m: f64,
+    place: Option<Geodetic>,
+    usual_step_s: Option<f64>,
+    last_sample: Option<(f64, ImuSample)>,
+    last_used_s: f64,
+    locked_out_epochs: usize,
+    health: CoastingHealth,
+    events: Vec<(f64, Event)>,
+    recorder: Recorder,
+    made: Vec<Made>,
+    smoothed: Vec<EpochSolution>,
+}
+
+impl AttitudeSession {
+    /// Before its first input.
+    #[must_use]
+    pub fn new(settings: AttitudeSessionSettings) -> Self {
+        Self {
+            order: TimeOrder::new(settings.order_window_s),
+            place: settings.place,
+            settings,
+            filter: None,
+            pending: VecDeque::new(),
+            ready: VecDeque::new(),
+            week: None,
+            clock_m: 0.0,
+            usual_step_s: None,
+            last_sample: None,
+            last_used_s: f64::NEG_INFINITY,
+            locked_out_epochs: 0,
+            health: CoastingHealth::default(),
+            events: Vec::new(),
+            recorder: Recorder::default(),
+            made: Vec::new(),
+            smoothed: Vec::new(),
+        }
+    }
+
+    /// Takes a sample; `time_s` is in seconds of the week of the first row.
+    ///
+    /// # Errors
+    ///
+    /// [`TooLate`]: it came later than the window allows, or its time is not a number.
+    pub fn push_sample(&mut self, time_s: f64, sample: ImuSample) -> Result<(), TooLate> {
+        self.order.push(time_s, Input::Sample(sample))
+    }
+
+    /// Takes a row of the antennas. Its tag is by the receiver's clock, which is taken out.
+    ///
+    /// # Errors
+    ///
+    /// [`TooLate`]: it came later than the window allows.
+    pub fn push_row(&mut self, row: EpochSolution) -> Result<(), TooLate> {
+        self.clock_m = row.position.and_then(|p| p.clock_m).unwrap_or(self.clock_m);
+        let time_s = self.seconds(row.time) - self.clock_m / SPEED_OF_LIGHT_MPS;
+        self.order.push(time_s, Input::Row(Box::new(row)))
+    }
+
+    /// Seconds since the start of the week of the first row that was asked for or taken.
+    pub fn seconds(&mut self, time: GpsTime) -> f64 {
+        time - *self.week.get_or_insert(time + -time.tow_s())
+    }
+
+    /// The next row whose time the samples have passed; `None`: more input is needed.
+    pub fn next_row(&mut self) -> Option<FusedRow> {
+        while self.ready.is_empty() {
+            let (time_s, input) = self.order.pop()?;
+            self.absorb(time_s, input);
+        }
+        self.ready.pop_front()
+    }
+
+    /// As [`AttitudeSession::next_row`] at the end of the data, without waiting.
+    pub fn last_row(&mut self) -> Option<FusedRow> {
+        while self.ready.is_empty() {
+            match self.order.drain() {
+                Some((time_s, input)) => self.absorb(time_s, input),
+                None => self.finish_pending()?,
+            }
+        }
+        self.ready.pop_front()
+    }
+
+    /// The filter, while it runs: its attitude and covariance are also a prediction for the next
+    /// integers.
+    #[must_use]
+    pub const fn filter(&self) -> Option<&AttitudeFilter> {
+        self.filter.as_ref()
+    }
+
+    /// Every row of the session with what the later rows say of it; empty unless the settings ask
+    /// for it.
+    #[must_use]
+    pub fn into_smoothed(mut self) -> Vec<EpochSolution> {
+        self.smooth();
+        self.smoothed
+    }
+
+    fn absorb(&mut self, time_s: f64, input: Input) {
+        match input {
+            Input::Sample(sample) => self.absorb_sample(time_s, &sample),
+            Input::Row(row) if self.filter.is_none() && self.pending.is_empty() => {
+                self.start_or_pass(time_s, *row);
+            }
+            Input::Row(row) => self.pending.push_back((time_s, *row)),
+        }
+    }
+
+    /// Turns the filter to every row before the sample and corrects it there, then to the sample.
+    fn absorb_sample(&mut self, time_s: f64, sample: &ImuSample) {
+        self.note(sample);
+        let known_from_s = self.known_from(time_s);
+        self.last_sample = Some((time_s, *sample));
+        while self.pending.front().is_some_and(|(row_s, _)| *row_s <= time_s) {
+            let Some((row_s, row)) = self.pending.pop_front() else { break };
+            self.advance(row_s, known_from_s, sample);
+            self.correct(row_s, row, sample);
+        }
+        self.advance(time_s, known_from_s, sample);
+    }
+
+    /// Rows after the last sample: for little more than the usual step its rate is taken to hold.
+    fn finish_pending(&mut self) -> Option<()> {
+        let (row_s, row) = self.pending.pop_front()?;
+        let (sample_s, sample) = self.last_sample.unwrap_or((f64::NEG_INFINITY, NOTHING));
+        let held_until_s = sample_s + LOST_SAMPLES * self.usual_step_s.unwrap_or(0.0);
+        let known = row_s <= held_until_s;
+        self.advance(row_s, f64::NEG_INFINITY, if known { &sample } else { &NOTHING });
+        self.correct(row_s, row, if known { &sample } else { &NOTHING });
+        Some(())
+    }
+
+    /// From when on the sample at a time says how the body turned: since the sample before, or for
+    /// its usual step where samples were lost before it.
+    fn known_from(&mut self, time_s: f64) -> f64 {
+        let Some((last_s, _)) = self.last_sample else { return f64::NEG_INFINITY };
+        let step_s = time_s - last_s;
+        let usual_s = *self.usual_step_s.get_or_insert(step_s);
+        let longest_s = LOST_SAMPLES * usual_s;
+        self.usual_step_s = Some(usual_s + STEP_SHARE * (step_s.min(longest_s) - usual_s));
+        if step_s > longest_s { time_s - usual_s } else { f64::NEG_INFINITY }
+    }
+
+    /// Integrates to a time: without a rate until `known_from_s`, with that of the sample after it.
+    fn advance(&mut self, time_s: f64, known_from_s: f64, sample: &ImuSample) {
+        let Some(filter) = &mut self.filter else { return };
+        let unknown_until_s = known_from_s.min(time_s);
+        let mut outcome = Ok(());
+        if filter.time_s() < unknown_until_s {
+            self.health.without_samples_s += unknown_until_s - filter.time_s();
+            outcome = filter.integrate(&at(unknown_until_s, &NOTHING));
+        }
+        if outcome.is_ok() && filter.time_s() < time_s {
+            outcome = filter.integrate(&at(time_s, sample));
+        }
+        if let Err(error) = outcome {
+            self.stop(time_s, Event::Stopped(error));
+        }
+    }
+
+    /// Absorbs what the antennas measured and makes the row.
+    fn correct(&mut self, time_s: f64, row: EpochSolution, sample: &ImuSample) {
+        if let Some(position) = &row.position {
+            self.place = Some(position.geodetic);
+        }
+        let Some(mut filter) = self.filter.take() else { return self.start_or_pass(time_s, row) };
+        if let Some(place) = &self.place {
+            filter.move_to(place);
+        }
+        let rate_radps = at(time_s, sample).rate_radps.xyz() - filter.nominal().gyro_bias_radps;
+        let attitude = self.measured_attitude(time_s, &row, &filter);
+        let velocity = self.measured_velocity(&row, &filter.ned_from_body(), &rate_radps);
+        let update = |f: &mut AttitudeFilter| f.correct(attitude.as_ref(), velocity.as_ref());
+        let corrected = match self.settings.smooth {
+            true => self.recorder.around(&mut filter, update),
+            false => update(&mut filter),
+        };
+        let used = corrected.attitude.used > 0;
+        self.count(time_s, attitude.is_some(), &corrected);
+        let status = match row.status {
+            Status::Fixed if used => Status::Fixed,
+            _ => Status::Float,
+        };
+        let reason = match (status, row.status) {
+            (Status::Fixed, _) => None,
+            // A fix that the filter refuses does not fit what it predicts.
+            (_, Status::Fixed) => Some(Reason::Residuals),
+            _ => row.reason,
+        };
+        let made = Made {
+            solution: EpochSolution { status, reason, ..row },
+            rate_radps,
+            recorded: self.settings.smooth,
+        };
+        let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
+        self.filter = Some(filter);
+        let solution = self.with_attitude(&made, &nominal, &covariance);
+        self.emit(made, solution);
+        if self.locked_out_epochs >= LOCKED_OUT_EPOCHS {
+            self.stop(time_s, Event::LockedOut);
+        }
+    }
+
+    fn count(&mut self, time_s: f64, has_attitude: bool, corrected: &Corrected) {
+        let Corrected { attitude, velocity } = corrected;
+        self.health.attitude = *attitude;
+        self.health.velocity = *velocity;
+        if attitude.used > 0 {
+            self.last_used_s = time_s;
+            self.locked_out_epochs = 0;
+        } else if attitude.rejected > 0 {
+            self.locked_out_epochs += 1;
+        } else {
+            self.health.unusable += usize::from(has_attitude);
+        }
+        self.health.coasting_s = time_s - self.last_used_s;
+    }
+
+    /// Starts the filter at a row that has an attitude; passes any other row on as it is.
+    fn start_or_pass(&mut self, time_s: f64, row: EpochSolution) {
+        if let Some(position) = &row.position {
+            self.place = Some(position.geodetic);
+        }
+        let started = self.place.and_then(|place| self.first_filter(time_s, &row, &place));
+        let Some(mut filter) = started else {
+            let made = Made { solution: row, rate_radps: Vector3::zeros(), recorded: false };
+            let solution = made.solution.clone();
+            return self.emit(made, solution);
+        };
+        if self.settings.smooth {
+            self.recorder.around(&mut filter, |_| ());
+        }
+        let made =
+            Made { solution: row, rate_radps: Vector3::zeros(), recorded: self.settings.smooth };
+        let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
+        self.filter = Some(filter);
+        self.last_used_s = time_s;
+        self.locked_out_epochs = 0;
+        self.events.push((time_s, Event::Started));
+        let solution = self.with_attitude(&made, &nominal, &covariance);
+        self.emit(made, solution);
+    }
+
+    fn first_filter(
+        &self,
+        time_s: f64,
+        row: &EpochSolution,
+        place: &Geodetic,
+    ) -> Option<AttitudeFilter> {
+        let sd = self.settings.first_angle_sd_rad;
+        let known = self.angles(row)?;
+        let (pitch, roll) =
+            self.last_sample.and_then(|(_, sample)| sample.specific_force_mps2).map_or(
+                (0.0, 0.0),
+                // A resting body feels −g: forward with the nose up, to the left with the right side down.
+                |f| {
+                    let [x, y, z]: [f64; 3] = f.xyz().into();
+                    (x.atan2(y.hypot(z)), (-y).atan2(-z))
+                },
+            );
+        let attitude = known.complete(pitch, roll, sd * sd, self.inflation(time_s))?;
+        let velocity = self
+            .measured_velocity(row, &attitude.ned_from_body, &Vector3::zeros())
+            .unwrap_or(UNKNOWN_VELOCITY);
+        let inertial = self.settings.inertial;
+        Some(AttitudeFilter::new(inertial, time_s, place, &attitude, &velocity))
+    }
+
+    /// The angles of a row that may be used.
+    fn angles<'a>(&self, row: &'a EpochSolution) -> Option<Known<'a>> {
+        let wanted = match row.status {
+            Status::Fixed => true,
+            Status::Float => self.settings.use_float,
+            _ => false,
+        };
+        let estimate = row.attitude.as_ref().filter(|_| wanted)?;
+        Some(Known { estimate, heading_rad: estimate.heading_rad? })
+    }
+
+    fn measured_attitude(
+        &self,
+        time_s: f64,
+        row: &EpochSolution,
+        filter: &AttitudeFilter,
+    ) -> Option<MeasuredAttitude> {
+        let now = Attitude::from_ned_from_body(&filter.ned_from_body());
+        let known = self.angles(row)?;
+        known.complete(now.pitch_rad, now.roll_rad, UNMEASURED, self.inflation(time_s))
+    }
+
+    /// v = v_row − C (ω×l)
+    fn measured_velocity(
+        &self,
+        row: &EpochSolution,
+        ned_from_body: &Rotation<Ned, Body>,
+        rate_radps: &Vector3<f64>,
+    ) -> Option<MeasuredVelocity> {
+        let sd = self.settings.velocity_sd_mps?;
+        let velocity_mps = row.position?.velocity_mps?;
+        let turning = self.turning(ned_from_body, rate_radps);
+        let covariance = Matrix3::from_diagonal_element(sd * sd);
+        Some(MeasuredVelocity { velocity_mps: velocity_mps - turning, covariance })
+    }
+
+    /// C (ω×l): velocity of the rows' point against the sensor.
+    fn turning(&self, ned_from_body: &Rotation<Ned, Body>, rate: &Vector3<f64>) -> Vector<Ned> {
+        let lever_m = self.settings.lever_arm_m.xyz();
+        let rate = if rate.iter().all(|r| r.is_finite()) { *rate } else { Vector3::zeros() };
+        *ned_from_body * Vector::from_xyz(rate.cross(&lever_m))
+    }
+
+    /// By how much the variance is raised for errors that are alike over 2τ.
+    fn inflation(&self, time_s: f64) -> f64 {
+        let since_s = time_s - self.last_used_s;
+        (2.0 * self.settings.correlation_s / since_s).max(1.0)
+    }
+
+    /// Counts a sample that says less than it should.
+    fn note(&mut self, sample: &ImuSample) {
+        let finite = |v: Option<Vector<Body>>| v.is_none_or(|v| v.is_finite());
+        let usable = finite(sample.rate_radps) && finite(sample.specific_force_mps2);
+        self.health.saturated += usize::from(sample.saturated);
+        self.health.unusable += usize::from(!usable);
+    }
+
+    /// The row with an attitude and, where accelerometers carry it on, a velocity.
+    fn with_attitude(
+        &self,
+        made: &Made,
+        nominal: &Nominal,
+        covariance: &Matrix3<f64>,
+    ) -> EpochSolution {
+        let matrix = nominal.attitude.to_rotation_matrix().into_inner();
+        let ned_from_body = Rotation::from_matrix(matrix);
+        let mut solution = made.solution.clone();
+        solution.attitude = Some(AttitudeEstimate::full(ned_from_body, covariance));
+        if let (Some(position), Some(_)) = (&mut solution.position, self.settings.velocity_sd_mps) {
+            let turning = self.turning(&ned_from_body, &made.rate_radps);
+            position.velocity_mps = Some(Vector::from_xyz(nominal.velocity_mps) + turning);
+        }
+        solution
+    }
+
+    fn emit(&mut self, made: Made, solution: EpochSolution) {
+        let health = core::mem::take(&mut self.health);
+        let events = core::mem::take(&mut self.events);
+        self.ready.push_back(FusedRow { solution, health, events });
+        if self.settings.smooth {
+            self.made.push(made);
+        }
+    }
+
+    fn stop(&mut self, time_s: f64, event: Event) {
+        self.filter = None;
+        self.events.push((time_s, event));
+        self.smooth();
+    }
+
+    /// The backward pass of the filter that ran until now.
+    fn smooth(&mut self) {
+        let states = core::mem::take(&mut self.recorder).smooth();
+        let mut states = states.iter();
+        for made in core::mem::take(&mut self.made) {
+            let state = if made.recorded { states.next() } else { None };
+            let smoothed = state.map_or_else(
+                || made.solution.clone(),
+                |Smoothed { nominal, covariance, .. }| {
+                    let of_attitude = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+                    self.with_attitude(&made, nominal, &of_attitude)
+                },
+            );
+            self.smoothed.push(smoothed);
+        }
+    }
+}
+
+/// The angles that a row has; the heading is always one of them.
+struct Known<'a> {
+    estimate: &'a AttitudeEstimate,
+    heading_rad: f64,
+}
+
+impl Known<'_> {
+    /// A whole attitude: angles that were not measured are the given ones with this variance.
+    fn complete(
+        &self,
+        pitch_rad: f64,
+        roll_rad: f64,
+        unmeasured: f64,
+        inflation: f64,
+    ) -> Option<MeasuredAttitude> {
+        let estimate = self.estimate;
+        let angles = Attitude {
+            heading_rad: self.heading_rad,
+            pitch_rad: estimate.pitch_rad.unwrap_or(pitch_rad),
+            roll_rad: estimate.roll_rad.unwrap_or(roll_rad),
+        };
+        let mut of_angles = estimate.covariance_rad2 * inflation;
+        for (k, angle) in [(1, estimate.pitch_rad), (2, estimate.roll_rad)] {
+            if angle.is_none() {
+                of_angles.row_mut(k).fill(0.0);
+                of_angles.column_mut(k).fill(0.0);
+                of_angles[(k, k)] = unmeasured;
+            }
+        }
+        // φ = J⁻¹ δ(heading, pitch, roll)
+        let by_angles = angles_from_rotation_vector(&angles).try_inverse()?;
+        let ned_from_body = estimate.ned_from_body.unwrap_or_else(|| angles.ned_from_body());
+        let covariance = by_angles * of_angles * by_angles.transpose();
+        Some(MeasuredAttitude { ned_from_body, covariance })
+    }
+}
+
+/// A sample that says nothing.
+const NOTHING: ImuSample =
+    ImuSample { rate_radps: None, specific_force_mps2: None, saturated: false };
+
+const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
+    velocity_mps: Vector::new(0.0, 0.0, 0.0),
+    covariance: Matrix3::new(1e4, 0.0, 0.0, 0.0, 1e4, 0.0, 0.0, 0.0, 1e4),
+};
+
+/// The sample for the filter: a rate that is not known is no number.
+fn at(time_s: f64, sample: &ImuSample) -> InertialSample {
+    let rate_radps = sample.rate_radps.unwrap_or(Vector::new(f64::NAN, 0.0, 0.0));
+    InertialSample { time_s, rate_radps, specific_force_mps2: sample.specific_force_mps2 }
+}
