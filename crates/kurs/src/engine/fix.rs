@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::ambiguity::array_constrained::ArrayConstrained;
+use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::search::IntegerLeastSquares;
 use crate::ambiguity::sphere::Length;
@@ -18,9 +19,10 @@ use crate::signal::System;
 use crate::solution::Reason;
 use crate::time::GpsTime;
 
+use super::code_free;
 use super::locate::CommonFrame;
 use super::noise_scale::{Independence, NoiseScale};
-use super::settings::{Constraint, Settings};
+use super::settings::{Ambiguities, Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
@@ -240,13 +242,23 @@ impl Fixer {
         settings: &Settings,
         rate: f64,
     ) -> Outcome {
+        let code_free = settings.constraint != Constraint::None
+            && settings.ambiguities == Ambiguities::Instantaneous
+            && code_free::code_is_useless(float);
+        let phases_alone = code_free.then(|| float.without_code());
+        let float = phases_alone.as_ref().unwrap_or(float);
         let mut outcome = Outcome::float(float, frame);
         if float.ambiguities_cycles.is_empty() {
             return outcome;
         }
         let found = match (settings.constraint, &settings.array) {
+            (Constraint::Array, Some(array)) if code_free => {
+                let sd_m = settings.array_sd_m;
+                self.with_array(float, frame, array, sd_m)
+                    .or_else(|_| self.with_lengths(float, links, frame, array, sd_m, true))
+            }
             (Constraint::Length, Some(array)) => {
-                self.with_lengths(float, links, frame, array, settings.array_sd_m)
+                self.with_lengths(float, links, frame, array, settings.array_sd_m, code_free)
             }
             (Constraint::Array, Some(array)) => self
                 .with_array(float, frame, array, settings.array_sd_m)
@@ -349,7 +361,7 @@ impl Fixer {
             return Ok(found);
         }
         let Some(array) = &settings.array else { return Err(reason) };
-        let by_lengths = self.with_lengths(float, links, frame, array, settings.array_sd_m);
+        let by_lengths = self.with_lengths(float, links, frame, array, settings.array_sd_m, false);
         by_lengths.ok().filter(sure).ok_or(reason)
     }
 
@@ -362,6 +374,7 @@ impl Fixer {
         frame: &CommonFrame,
         array: &AntennaArray,
         array_sd_m: f64,
+        code_free: bool,
     ) -> Result<Found, Reason> {
         let length = |rover: usize| Length {
             length_m: (array.positions_m()[rover] - array.positions_m()[float.reference]).norm(),
@@ -369,7 +382,8 @@ impl Fixer {
             sd_m: array_sd_m * core::f64::consts::SQRT_2,
         };
         if let [rover] = float.rovers[..] {
-            let (found, _) = self.one_length(float, frame.approximate_m[0].xyz(), length(rover))?;
+            let (found, _) =
+                self.one_length(float, frame.approximate_m[0].xyz(), length(rover), code_free)?;
             return Ok(found);
         }
         let mut joint = Found {
@@ -391,8 +405,10 @@ impl Fixer {
             let pair =
                 FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover], |_| factors)
                     .map_err(|_| Reason::FewSatellites)?;
+            let pair = if code_free { pair.without_code() } else { pair };
             let approximate_m = frame.approximate_m[block].xyz();
-            let (found, conditional) = self.one_length(&pair, approximate_m, length(*rover))?;
+            let (found, conditional) =
+                self.one_length(&pair, approximate_m, length(*rover), code_free)?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
@@ -404,21 +420,43 @@ impl Fixer {
         Ok(joint)
     }
 
-    /// One baseline with its known length.
+    /// One baseline with its known length; over the sphere if its code is of no use or too weak.
     fn one_length(
         &mut self,
         float: &FloatSolution,
         approximate_m: Vector3<f64>,
         length: Length,
+        code_free: bool,
     ) -> Result<(Found, Conditional), Reason> {
-        let approximate_m = DVector::from_column_slice(approximate_m.as_slice());
-        let mixed = mixed_float(float, &approximate_m)?;
-        let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
-        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
-        let variances = self.length.decorrelation().conditional_variances();
-        let rate = bootstrapped_success_rate(variances);
-        let best = candidates.first().ok_or(Reason::WeakModel)?;
-        let found = self.weigh(&best.integers, &costs, self.length.proven_to(), float, rate)?;
+        let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
+        let mixed = mixed_float(float, &stacked_m)?;
+        let searched = if code_free {
+            Err(AmbiguityError::BudgetExceeded { nodes: 0 })
+        } else {
+            self.length.solve(&mixed, length, CANDIDATES)
+        };
+        let (candidates, proven_to): (Vec<(Vec<i64>, f64)>, f64) = match searched {
+            Ok(found) => {
+                let found = found.into_iter().map(|c| (c.integers, c.cost)).collect();
+                (found, self.length.proven_to())
+            }
+            Err(error @ AmbiguityError::BudgetExceeded { .. }) => {
+                let sphere = code_free::over_the_sphere(float, approximate_m, length);
+                let (found, proven_to) =
+                    sphere.ok_or(reason(error))?.map_err(|_| Reason::WeakModel)?;
+                (found.into_iter().map(|c| (c.integers, c.cost)).collect(), proven_to)
+            }
+            Err(error) => return Err(reason(error)),
+        };
+        let costs: Vec<f64> = candidates.iter().map(|(_, cost)| *cost).collect();
+        let (best, _) = candidates.first().ok_or(Reason::WeakModel)?;
+        let mut decorrelation = Decorrelation::default();
+        if code_free {
+            decorrelation.compute(&float.ambiguity_covariance).map_err(reason)?;
+        }
+        let searched = if code_free { &decorrelation } else { self.length.decorrelation() };
+        let rate = bootstrapped_success_rate(searched.conditional_variances());
+        let found = self.weigh(best, &costs, proven_to, float, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
     }
