@@ -31,16 +31,38 @@ const MAX_COST: f64 = 30.0;
 const ANTENNAS: [usize; 10] = [2, 3, 2, 4, 2, 3, 2, 3, 2, 2];
 /// Ten times what an engine may spend; the few weakest models of four antennas need still more.
 const NODE_BUDGET: usize = 200_000;
+const THREADS: usize = 2;
 
 fn main() {
     let epochs: usize = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(1000);
     let fixed_length_m: Option<f64> = std::env::args().nth(2).and_then(|text| text.parse().ok());
-    let mut random = seeded(7);
+    let mut counts = [Count::default(); 5];
+    std::thread::scope(|scope| {
+        let parts: Vec<_> = (0..THREADS)
+            .map(|part| scope.spawn(move || compare_every(part, epochs, fixed_length_m)))
+            .collect();
+        for part in parts {
+            let part = part.join().expect("counts");
+            counts.iter_mut().zip(&part).for_each(|(all, count)| all.merge(count));
+        }
+    });
+    for (antennas, count) in counts.iter().enumerate().filter(|(_, count)| count.epochs > 0) {
+        println!(
+            "{antennas} antennas: {} epochs, {} candidates compared, {} epochs differ, {} searches \
+             without an end",
+            count.epochs, count.candidates, count.different, count.gave_up
+        );
+    }
+}
+
+/// Every [`THREADS`]-th epoch from `part` on; each has a seed of its own.
+fn compare_every(part: usize, epochs: usize, fixed_length_m: Option<f64>) -> [Count; 5] {
     let mut line = LengthConstrained::default();
     let mut array = ArrayConstrained::default();
     (line.node_budget, array.node_budget) = (NODE_BUDGET, NODE_BUDGET);
     let mut counts = [Count::default(); 5];
-    for epoch_number in 0..epochs {
+    for epoch_number in (part..epochs).step_by(THREADS) {
+        let mut random = seeded(epoch_number as u64);
         let antennas = if fixed_length_m.is_some() { 2 } else { ANTENNAS[epoch_number % 10] };
         let comparison = if antennas == 2 {
             let length_m = fixed_length_m.unwrap_or_else(|| random.random_range(0.2..2.0));
@@ -53,13 +75,7 @@ fn main() {
             println!("epoch {epoch_number} ({antennas} antennas) differs");
         }
     }
-    for (antennas, count) in counts.iter().enumerate().filter(|(_, count)| count.epochs > 0) {
-        println!(
-            "{antennas} antennas: {} epochs, {} candidates compared, {} epochs differ, {} searches \
-             without an end",
-            count.epochs, count.candidates, count.different, count.gave_up
-        );
-    }
+    counts
 }
 
 /// Two antennas at a known distance.
@@ -101,6 +117,13 @@ struct Count {
 }
 
 impl Count {
+    fn merge(&mut self, other: &Self) {
+        self.epochs += other.epochs;
+        self.candidates += other.candidates;
+        self.different += other.different;
+        self.gave_up += other.gave_up;
+    }
+
     fn add(&mut self, comparison: Comparison) {
         self.epochs += 1;
         self.candidates += comparison.candidates;

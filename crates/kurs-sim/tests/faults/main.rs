@@ -5,6 +5,7 @@
 mod glonass;
 mod lasting;
 mod scene;
+mod unlike;
 
 use kurs::engine::{Ambiguities, Constraint};
 use kurs::float_solution::recursive::Motion;

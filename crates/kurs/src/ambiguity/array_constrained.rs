@@ -28,7 +28,7 @@ use super::{
 };
 
 /// An extent of the array below this share of the largest is no dimension of it.
-const FLAT_RATIO: f64 = 1e-4;
+const FLAT_RATIO: f64 = 1e-6;
 
 /// An integer vector, the array that goes with it, and what both cost together.
 #[derive(Debug, Clone, PartialEq)]

@@ -27,7 +27,7 @@ const BEYOND_TRUTH: f64 = 8.0;
 /// Costs computed in two ways agree to this, relative to `1 + cost`.
 const AGREEMENT: f64 = 1e-5;
 /// Steps of one descent.
-const MAX_STEPS: usize = 60;
+const MAX_STEPS: usize = 1000;
 
 /// How one epoch came out.
 #[derive(Debug, Clone, Copy, Default)]

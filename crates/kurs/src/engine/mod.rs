@@ -1,5 +1,6 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
+mod channel_bias;
 mod fix;
 mod locate;
 mod misfit;
@@ -25,6 +26,7 @@ use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
 use crate::time::GpsTime;
+use channel_bias::ChannelBiases;
 use fix::{Fixer, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
@@ -41,6 +43,7 @@ pub struct Engine {
     /// stands alone.
     carried: Option<(Continuity, RecursiveFloat)>,
     fixer: Fixer,
+    channel_biases: ChannelBiases,
     mean_misfit: MeanMisfit,
     /// Phase centres of the antennas; empty if none is known.
     mounts: Vec<Option<MountedAntenna>>,
@@ -70,6 +73,7 @@ impl Engine {
             located: Vec::new(),
             links: Vec::new(),
             fixer: Fixer::default(),
+            channel_biases: ChannelBiases::default(),
             mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
@@ -111,8 +115,19 @@ impl Engine {
         if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
             station.improve(epoch, observed, &mut row);
         }
-        if let Err(reason) = self.relative(epoch, &mut row) {
+        let alone = row.clone();
+        if let Err(reason) = self.relative(epoch, &mut row, false) {
             row.reason = Some(reason);
+        }
+        // What unlike receivers have a bias for can be what spoils the fix. (Ambiguities that are carried
+        // on must take each epoch in once only.)
+        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
+        if row.status != Status::Fixed && self.carried.is_none() && may_be_unlike {
+            let mut without = alone;
+            let done = self.relative(epoch, &mut without, true);
+            if done.is_ok() && without.status == Status::Fixed {
+                return without;
+            }
         }
         row
     }
@@ -172,10 +187,16 @@ impl Engine {
         })
     }
 
-    /// Differences, float solution, integers, baselines, attitude.
-    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
+    /// Differences, float solution, integers, baselines, attitude; without the phases that unlike
+    /// receivers have unknown biases for, if they are to be left out.
+    fn relative(
+        &mut self,
+        epoch: &ArrayEpoch,
+        row: &mut EpochSolution,
+        leave_out_unknown: bool,
+    ) -> Result<(), Reason> {
         self.fixer.begin(epoch.time);
-        let (frame, mut groups, float) = self.float(epoch, row)?;
+        let (frame, mut groups, float) = self.float(epoch, row, leave_out_unknown)?;
         let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
         let rate = self.settings.max_wrong_fix_rate;
@@ -219,6 +240,9 @@ impl Engine {
         (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.attitude.ok();
+        if row.status == Status::Fixed {
+            self.channel_biases.learn(&outcome.baselines.rovers, &outcome.correction_m);
+        }
         self.remember_axes(row);
         self.place_body(&outcome.baselines, row);
         Ok(())
@@ -229,10 +253,12 @@ impl Engine {
         &mut self,
         epoch: &ArrayEpoch,
         row: &mut EpochSolution,
+        leave_out_unknown: bool,
     ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
         loop {
             let frame = locate::common_frame(&self.located)?;
             self.form_links(epoch, &frame);
+            self.take_out_unlike(frame.reference, leave_out_unknown);
             self.align_phases();
             let groups = difference::group(&mut self.links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
@@ -250,6 +276,27 @@ impl Engine {
                     self.located.remove(least.unwrap_or(0));
                 }
             }
+        }
+    }
+
+    /// Whether geostationary satellites of BeiDou take part: some receivers have their phases a part
+    /// of a cycle off those of the others, for their messages are modulated in another way.
+    fn any_geostationary(&self) -> bool {
+        self.links.iter().any(|link| link.satellite.is_beidou_geo() && link.phase_m.is_some())
+    }
+
+    /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be
+    /// a cycle slip to what is carried on.
+    fn take_out_unlike(&mut self, reference: usize, leave_out_unknown: bool) {
+        if leave_out_unknown {
+            let geostationary = self.links.iter_mut().filter(|l| l.satellite.is_beidou_geo());
+            geostationary.for_each(|link| link.phase_m = None);
+        }
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            let ephemerides = &self.navigation.ephemerides;
+            let channel = |satellite| ephemerides.glonass_channel(satellite);
+            let (links, noise) = (&mut self.links, &self.settings.noise);
+            self.channel_biases.apply(links, reference, noise, channel, leave_out_unknown);
         }
     }
 

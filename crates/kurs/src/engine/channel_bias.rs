@@ -1,0 +1,292 @@
+//! GLONASS phases of unlike receivers: a bias that grows with the frequency channel, learnt from the
+//! epochs that are fixed.
+//!
+//! Where the baseline is known, the difference of two satellites' phases (rover less reference) is
+//! whole cycles, noise and `β (kᵢ − kⱼ)`. Its direction on the circle of one wavelength needs no
+//! integers, so all pairs of all epochs add up:
+//!
+//! ```text
+//! P_Δ = Σ exp(2πi dᵢⱼ/λ) over pairs with kᵢ − kⱼ = Δ,     S(β) = Re Σ_Δ P_Δ exp(−2πi β Δ/λ)
+//! ```
+//!
+//! `β̂` is the top of `S` between −λ/2 and λ/2 (receivers differ by some centimetres: Wanninger 2012,
+//! *Carrier-phase inter-frequency biases of GLONASS receivers*, J. Geodesy 86). Until it is known,
+//! receivers count as alike, and an epoch that is not fixed so is tried again without the phases of
+//! GLONASS.
+
+use core::f64::consts::TAU;
+use std::collections::BTreeMap;
+
+use nalgebra::{Complex, DVector, Vector3};
+
+use crate::difference::Link;
+use crate::signal::{Band, Satellite, System};
+use crate::sky::NoiseModel;
+
+/// Channels are −7 to 6.
+const MOST_STEPS: usize = 14;
+/// Fixed epochs before an estimate is believed.
+const LEAST_EPOCHS: f64 = 5.0;
+/// Share of the pairs' lengths that must point the same way.
+const LEAST_AGREEMENT: f64 = 0.8;
+/// The top of another β must stay below this share of the highest.
+const MOST_RIVAL: f64 = 0.7;
+/// A top within this distance of the highest is the same one, m.
+const SAME_TOP_M: f64 = 0.03;
+/// Steps of β that are looked at, m.
+const STEP_M: f64 = 0.001;
+/// Share of the past that an epoch forgets: biases change slowly, with temperature.
+const FORGETTING: f64 = 0.005;
+/// Pairs share satellites and epochs their reflections: this many count as one.
+const PAIRS_FOR_ONE: f64 = 50.0;
+/// No estimate is better than this, m.
+const LEAST_SD_M: f64 = 0.0003;
+
+/// The biases of all pairs of receivers.
+#[derive(Debug, Default)]
+pub(super) struct ChannelBiases {
+    /// By reference antenna, rover and band.
+    of: BTreeMap<(usize, usize, Band), Estimate>,
+    /// The phases of GLONASS in this epoch as they were observed.
+    observed: Vec<Observed>,
+    reference: usize,
+}
+
+/// A phase before any correction.
+#[derive(Debug, Clone, Copy)]
+struct Observed {
+    antenna: usize,
+    satellite: Satellite,
+    band: Band,
+    channel: i8,
+    phase_m: f64,
+    wavelength_m: f64,
+    gradient: Vector3<f64>,
+}
+
+/// What is known of one bias.
+#[derive(Debug, Clone, Copy)]
+struct Estimate {
+    /// `P_Δ`.
+    sums: [Complex<f64>; MOST_STEPS],
+    /// Pairs in each.
+    pairs: [f64; MOST_STEPS],
+    epochs: f64,
+    /// `β̂` and its standard deviation, m for each step of the channel, once they are believed.
+    known: Option<(f64, f64)>,
+}
+
+impl ChannelBiases {
+    /// Takes known biases out of the phases. Unknown ones stay, or with `leave_out` their phases go.
+    ///
+    /// Nothing is done where GLONASS is alone: no other system could tell a bias.
+    pub(super) fn apply(
+        &mut self,
+        links: &mut [Link],
+        reference: usize,
+        noise: &NoiseModel,
+        channel: impl Fn(Satellite) -> Option<i8>,
+        leave_out: bool,
+    ) {
+        self.observed.clear();
+        self.reference = reference;
+        let is_glonass = |link: &Link| link.satellite.system == System::Glonass;
+        if links.iter().all(|link| is_glonass(link) || link.phase_m.is_none()) {
+            return;
+        }
+        for link in links.iter_mut().filter(|link| is_glonass(link)) {
+            let (Some(phase_m), Some(channel)) = (link.phase_m, channel(link.satellite)) else {
+                continue;
+            };
+            let band = link.signal.band;
+            self.observed.push(Observed {
+                antenna: link.antenna,
+                satellite: link.satellite,
+                band,
+                channel,
+                phase_m,
+                wavelength_m: link.wavelength_m,
+                gradient: link.gradient,
+            });
+            if link.antenna == reference {
+                continue;
+            }
+            match self.of.get(&(reference, link.antenna, band)).and_then(|bias| bias.known) {
+                Some((bias_m, sd_m)) => {
+                    link.phase_m = Some(phase_m - bias_m * f64::from(channel));
+                    let remaining = NoiseModel { channel_sd_m: sd_m, ..*noise };
+                    link.common_sd_cycles = remaining.common_cycles(link.wavelength_m);
+                }
+                None if leave_out => link.phase_m = None,
+                None => {}
+            }
+        }
+    }
+
+    /// Whether the epoch has a phase whose bias is not known yet.
+    pub(super) fn any_unknown(&self) -> bool {
+        let is_known = |o: &Observed| {
+            let bias = self.of.get(&(self.reference, o.antenna, o.band));
+            bias.is_some_and(|bias| bias.known.is_some())
+        };
+        self.observed.iter().any(|o| o.antenna != self.reference && !is_known(o))
+    }
+
+    /// Learns from a fixed epoch: corrections to the approximate baselines of `rovers`, m.
+    pub(super) fn learn(&mut self, rovers: &[usize], correction_m: &DVector<f64>) {
+        for (block, rover) in rovers.iter().enumerate() {
+            let correction_m: Vector3<f64> = correction_m.fixed_rows::<3>(3 * block).into();
+            let of_reference = self.observed.iter().filter(|o| o.antenna == self.reference);
+            // Rover less reference, less the baseline.
+            let differences: Vec<(Observed, f64)> = of_reference
+                .filter_map(|base| {
+                    let same = |o: &&Observed| {
+                        (o.antenna, o.satellite, o.band) == (*rover, base.satellite, base.band)
+                    };
+                    let end = self.observed.iter().find(same)?;
+                    Some((*end, end.phase_m - base.phase_m - end.gradient.dot(&correction_m)))
+                })
+                .collect();
+            for of_band in differences.chunk_by(|a, b| a.0.band == b.0.band) {
+                let key = (self.reference, *rover, of_band[0].0.band);
+                self.of.entry(key).or_default().learn(of_band);
+            }
+        }
+    }
+}
+
+impl Default for Estimate {
+    fn default() -> Self {
+        Self {
+            sums: [Complex::new(0.0, 0.0); MOST_STEPS],
+            pairs: [0.0; MOST_STEPS],
+            epochs: 0.0,
+            known: None,
+        }
+    }
+}
+
+impl Estimate {
+    /// Adds the pairs of one epoch.
+    fn learn(&mut self, differences: &[(Observed, f64)]) {
+        let keep = 1.0 - FORGETTING;
+        self.sums.iter_mut().for_each(|sum| *sum *= keep);
+        self.pairs.iter_mut().for_each(|pairs| *pairs *= keep);
+        self.epochs = self.epochs * keep + 1.0;
+        for (i, (first, first_m)) in differences.iter().enumerate() {
+            for (second, second_m) in &differences[..i] {
+                let steps = first.channel.abs_diff(second.channel).into();
+                let sign = f64::from((first.channel - second.channel).signum());
+                if (1..MOST_STEPS).contains(&steps) {
+                    let cycles = sign * (first_m - second_m) / first.wavelength_m;
+                    self.sums[steps] += Complex::from_polar(1.0, TAU * cycles);
+                    self.pairs[steps] += 1.0;
+                }
+            }
+        }
+        let wavelength_m = differences[0].0.wavelength_m;
+        self.known = self.believed(wavelength_m);
+    }
+
+    /// `S(β)`.
+    fn agreement(&self, bias_m: f64, wavelength_m: f64) -> f64 {
+        let turned = |(steps, sum): (usize, &Complex<f64>)| {
+            (sum * Complex::from_polar(1.0, -TAU * bias_m * steps as f64 / wavelength_m)).re
+        };
+        self.sums.iter().enumerate().map(turned).sum()
+    }
+
+    /// The top of `S`, if it is high and alone.
+    fn believed(&self, wavelength_m: f64) -> Option<(f64, f64)> {
+        let all: f64 = self.pairs.iter().sum();
+        if self.epochs < LEAST_EPOCHS || all == 0.0 {
+            return None;
+        }
+        let grid = || {
+            let count = (wavelength_m / STEP_M).ceil();
+            let bias_m = move |number: f64| (number / count - 0.5) * wavelength_m;
+            core::iter::successors(Some(0.0), move |n| (n + 1.0 < count).then_some(n + 1.0))
+                .map(bias_m)
+        };
+        let height = |bias_m: f64| self.agreement(bias_m, wavelength_m);
+        let coarse_m = grid().max_by(|a, b| height(*a).total_cmp(&height(*b)))?;
+        let top = height(coarse_m);
+        // β and β + λ are the same.
+        let apart_m = |bias_m: f64| {
+            let off = (bias_m - coarse_m).rem_euclid(wavelength_m);
+            off.min(wavelength_m - off)
+        };
+        let rival = grid().filter(|b| apart_m(*b) > SAME_TOP_M).map(height).fold(0.0, f64::max);
+        if top < LEAST_AGREEMENT * all || rival > MOST_RIVAL * top {
+            return None;
+        }
+        // The parabola through the top and its neighbours.
+        let (left, right) = (height(coarse_m - STEP_M), height(coarse_m + STEP_M));
+        let bend = left - 2.0 * top + right;
+        let bias_m = coarse_m + 0.5 * STEP_M * (left - right) / bend.min(-f64::MIN_POSITIVE);
+        // Pairs scatter by −2 ln(S/n) rad².
+        let slope_squares: f64 = self
+            .pairs
+            .iter()
+            .enumerate()
+            .map(|(steps, pairs)| pairs * (TAU * steps as f64 / wavelength_m).powi(2))
+            .sum();
+        let scatter = -2.0 * (top / all).min(1.0).ln();
+        let sd_m = (PAIRS_FOR_ONE * scatter / slope_squares).sqrt().max(LEAST_SD_M);
+        Some((bias_m, sd_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    const WAVELENGTH_M: f64 = 0.187;
+
+    /// Phases of satellites on `channels` with a bias for each step, whole cycles and 2 mm of noise.
+    fn estimate(channels: &[i8], bias_m: f64, epochs: usize) -> Option<(f64, f64)> {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(4);
+        let mut estimate = Estimate::default();
+        for _ in 0..epochs {
+            let differences: Vec<(Observed, f64)> = channels
+                .iter()
+                .map(|&channel| {
+                    let observed = Observed {
+                        antenna: 1,
+                        satellite: Satellite::new(System::Glonass, 1),
+                        band: Band::new(System::Glonass, 1),
+                        channel,
+                        phase_m: 0.0,
+                        wavelength_m: WAVELENGTH_M,
+                        gradient: Vector3::zeros(),
+                    };
+                    let whole = f64::from(random.random_range(-3..=3)) * WAVELENGTH_M;
+                    let noise: f64 = random.sample(StandardNormal);
+                    (observed, 0.04 + whole + bias_m * f64::from(channel) + 0.002 * noise)
+                })
+                .collect();
+            estimate.learn(&differences);
+        }
+        estimate.known
+    }
+
+    #[test]
+    fn a_bias_is_found_whatever_the_cycles() {
+        for expected_m in [-0.05, -0.013, 0.0, 0.028, 0.05] {
+            let (bias_m, sd_m) = estimate(&[-7, -4, 0, 1, 5, 6], expected_m, 20).unwrap();
+            assert!((bias_m - expected_m).abs() < 3.0 * sd_m, "{expected_m}: {bias_m} {sd_m}");
+            assert!(sd_m < 0.001, "{sd_m}");
+        }
+    }
+
+    /// Channels two apart cannot tell β from β + λ/2, and one channel tells nothing.
+    #[test]
+    fn what_cannot_be_told_is_not_believed() {
+        assert_eq!(estimate(&[-4, -2, 0, 2], 0.02, 20), None);
+        assert_eq!(estimate(&[3, 3, 3], 0.02, 20), None);
+        assert_eq!(estimate(&[-7, -4, 0, 1, 5, 6], 0.02, 3), None);
+    }
+}
