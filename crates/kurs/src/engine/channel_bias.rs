@@ -202,21 +202,21 @@ impl Estimate {
         if self.epochs < LEAST_EPOCHS || all == 0.0 {
             return None;
         }
-        let grid = || {
-            let count = (wavelength_m / STEP_M).ceil();
-            let bias_m = move |number: f64| (number / count - 0.5) * wavelength_m;
-            core::iter::successors(Some(0.0), move |n| (n + 1.0 < count).then_some(n + 1.0))
-                .map(bias_m)
-        };
         let height = |bias_m: f64| self.agreement(bias_m, wavelength_m);
-        let coarse_m = grid().max_by(|a, b| height(*a).total_cmp(&height(*b)))?;
-        let top = height(coarse_m);
+        let count = (wavelength_m / STEP_M).ceil();
+        let grid: Vec<(f64, f64)> =
+            core::iter::successors(Some(0.0), |n| (n + 1.0 < count).then_some(n + 1.0))
+                .map(|number| (number / count - 0.5) * wavelength_m)
+                .map(|bias_m| (bias_m, height(bias_m)))
+                .collect();
+        let &(coarse_m, top) = grid.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         // β and β + λ are the same.
         let apart_m = |bias_m: f64| {
             let off = (bias_m - coarse_m).rem_euclid(wavelength_m);
             off.min(wavelength_m - off)
         };
-        let rival = grid().filter(|b| apart_m(*b) > SAME_TOP_M).map(height).fold(0.0, f64::max);
+        let others = grid.iter().filter(|(bias_m, _)| apart_m(*bias_m) > SAME_TOP_M);
+        let rival = others.map(|(_, height)| *height).fold(0.0, f64::max);
         if top < LEAST_AGREEMENT * all || rival > MOST_RIVAL * top {
             return None;
         }

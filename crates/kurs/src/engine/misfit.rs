@@ -99,8 +99,11 @@ pub(super) struct MeanMisfit {
 }
 
 impl MeanMisfit {
-    /// Takes an epoch in.
+    /// Takes an epoch in; one that is tried again, without some of its phases, counts once.
     pub(super) fn take(&mut self, misfit: &Misfit, time: GpsTime) {
+        if self.time == Some(time) {
+            return;
+        }
         if self.antennas != misfit.antennas {
             *self = Self::of(misfit);
         }
