@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use serde::Serialize;
 
 /// A file in the making. Dropped without [`OutputFile::finish`] it leaves nothing behind.
 #[derive(Debug)]
@@ -36,6 +37,17 @@ impl OutputFile {
         fs::rename(&self.temporary, &self.target)
             .with_context(|| format!("{}: cannot be written", self.target.display()))
     }
+}
+
+/// Writes a value as `directory/name`, indented JSON.
+pub(crate) fn write_json(
+    directory: &Path,
+    name: &str,
+    value: &impl Serialize,
+) -> anyhow::Result<()> {
+    let mut file = OutputFile::create(directory, name)?;
+    serde_json::to_writer_pretty(&mut file, value)?;
+    file.finish()
 }
 
 impl Write for OutputFile {

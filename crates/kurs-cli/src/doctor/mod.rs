@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use kurs::array::AntennaArray;
 use serde::Serialize;
 
-use crate::output::OutputFile;
+use crate::output;
 use crate::solve::config::{self, Overrides};
 use crate::solve::{Input, antenna_names};
 use causes::Finding;
@@ -90,8 +90,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         trials: trials.rows(),
         signals: &signals,
     };
-    let mut json = OutputFile::create(&args.out, "doctor.json")?;
-    serde_json::to_writer_pretty(&mut json, &file)?;
-    json.finish()?;
+    output::write_json(&args.out, "doctor.json", &file)?;
     Ok(ExitCode::SUCCESS)
 }

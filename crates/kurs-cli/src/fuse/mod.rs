@@ -6,6 +6,7 @@ mod agreement;
 mod antennas;
 mod arm;
 mod calibration;
+mod events;
 mod gravity_check;
 mod imu;
 mod tilt;

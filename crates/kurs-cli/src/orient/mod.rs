@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::config_file;
 use crate::failure::UsageError;
-use crate::output::OutputFile;
+use crate::output::{self, OutputFile};
 use crate::progress::Progress;
 use crate::summary::Summary;
 use crate::table::TableFormat;
@@ -98,9 +98,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let wall_s = progress.finish();
 
     let text = std::fs::read_to_string(&args.config).unwrap_or_default();
-    let mut json = OutputFile::create(&args.out, "summary.json")?;
-    serde_json::to_writer_pretty(&mut json, &summary.file(&text, &input.damage, wall_s))?;
-    json.finish()?;
+    let file = summary.file(&text, &input.damage, wall_s);
+    output::write_json(&args.out, "summary.json", &file)?;
     for tables in tables {
         tables.finish()?;
     }

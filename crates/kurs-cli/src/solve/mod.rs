@@ -17,7 +17,7 @@ use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 
 use crate::failure::UsageError;
-use crate::output::OutputFile;
+use crate::output;
 use crate::progress::Progress;
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
@@ -143,9 +143,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     let file = summary.file(loaded.text(), &damage, wall_s);
-    let mut json = OutputFile::create(&args.out, "summary.json")?;
-    serde_json::to_writer_pretty(&mut json, &file)?;
-    json.finish()?;
+    output::write_json(&args.out, "summary.json", &file)?;
     outputs.finish()?;
     review.write(args, &loaded, summary.headline())?;
 

@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
-use kurs::fusion::arm_session::Event;
 use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
 use kurs::solution::Status;
 use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
-use crate::output::OutputFile;
+use crate::fuse::events::{self, EventLog};
+use crate::output;
 use crate::summary::{Damage, Summary, SummaryFile};
 use crate::table::{Table, TableFormat};
 use crate::tables::{TimeColumns, create_attitude, create_like_attitude, write_attitude};
@@ -43,7 +43,7 @@ pub(super) struct Rows {
     smoothed_agreement: Agreement,
     summary: Summary,
     total: Total,
-    events: Vec<String>,
+    events: EventLog,
 }
 
 /// What went in, for the summary.
@@ -113,7 +113,7 @@ impl Rows {
             smoothed_agreement: Agreement::default(),
             summary: Summary::new(Vec::new()),
             total: Total::default(),
-            events: Vec::new(),
+            events: EventLog::default(),
         })
     }
 
@@ -128,13 +128,7 @@ impl Rows {
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
         }
-        for (time_s, event) in &row.events {
-            let text = format!("{time_s:.3} s: {event}");
-            if !matches!(event, Event::Started) {
-                eprintln!("{text}");
-            }
-            self.events.push(text);
-        }
+        self.events.tell(&row.events);
         Ok(())
     }
 
@@ -163,28 +157,22 @@ impl Rows {
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
         t.real(Some(health.without_samples_s), 3);
-        let events: Vec<String> = row.events.iter().map(|(_, event)| event.to_string()).collect();
-        t.text(&events.join("; "));
+        t.text(&events::in_one_field(&row.events));
         t.end_row()
     }
 
     /// Ends the tables.
     pub(super) fn finish(mut self, directory: &Path, inputs: &Inputs) -> anyhow::Result<Finished> {
         self.total.too_late = inputs.too_late;
-        let finished = Finished {
-            has_solution: self.events.iter().any(|event| event.ends_with("filter started")),
-            text: self.text(),
-        };
+        let finished = Finished { has_solution: self.summary.has_solution(), text: self.text() };
         let summary = FusionSummary {
             rows: self.summary.file(&inputs.configuration, inputs.damage, inputs.wall_s),
             filter: self.total.with_means(),
-            events: &self.events,
+            events: self.events.texts(),
             truth: self.filtered_agreement.summary(),
             truth_smoothed: self.smoothed_agreement.summary(),
         };
-        let mut json = OutputFile::create(directory, "summary.json")?;
-        serde_json::to_writer_pretty(&mut json, &summary)?;
-        json.finish()?;
+        output::write_json(directory, "summary.json", &summary)?;
         self.attitude.finish()?;
         self.smoothed.map_or(Ok(()), Table::finish)?;
         self.health.finish()?;
@@ -212,14 +200,7 @@ impl Rows {
                     .to_owned(),
             );
         }
-        let odd = [
-            ("saturated", total.saturated),
-            ("not a number", total.unusable),
-            ("too late", total.too_late),
-        ];
-        for (what, count) in odd.iter().filter(|(_, count)| *count > 0) {
-            lines.push(format!("left out: {count} {what}"));
-        }
+        lines.extend(events::left_out(total.saturated, total.unusable, total.too_late));
         if total.without_samples_s > 0.0 {
             lines.push(format!("{:.1} s without samples were bridged", total.without_samples_s));
         }

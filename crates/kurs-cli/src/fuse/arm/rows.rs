@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use kurs::fusion::arm_filter::{Health, Tally};
-use kurs::fusion::arm_session::{Event, SessionRow};
+use kurs::fusion::arm_session::SessionRow;
 use kurs::solution::Status;
 use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
-use crate::output::OutputFile;
+use crate::fuse::events::{self, EventLog};
+use crate::output;
 use crate::summary::{Damage, Summary};
 use crate::table::{Table, TableFormat};
 use crate::tables::{TimeColumns, create_attitude, write_attitude};
@@ -38,7 +39,7 @@ pub(super) struct Rows {
     agreement: Agreement,
     summary: Summary,
     total: Health,
-    events: Vec<String>,
+    events: EventLog,
 }
 
 /// What stands in `summary.json` besides the summary of the rows.
@@ -78,7 +79,7 @@ impl Rows {
             agreement: Agreement::default(),
             summary: Summary::new(Vec::new()),
             total: Health::default(),
-            events: Vec::new(),
+            events: EventLog::default(),
         })
     }
 
@@ -93,13 +94,7 @@ impl Rows {
         if let Some(truth) = &self.truth {
             self.agreement.add(solution, truth);
         }
-        for (time_s, event) in &row.events {
-            let text = format!("{time_s:.3} s: {event}");
-            if !matches!(event, Event::Started) {
-                eprintln!("{text}");
-            }
-            self.events.push(text);
-        }
+        self.events.tell(&row.events);
         Ok(())
     }
 
@@ -114,8 +109,7 @@ impl Rows {
         }
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
-        let events: Vec<String> = row.events.iter().map(|(_, event)| event.to_string()).collect();
-        t.text(&events.join("; "));
+        t.text(&events::in_one_field(&row.events));
         t.end_row()
     }
 
@@ -143,12 +137,10 @@ impl Rows {
         let summary = FusionSummary {
             rows: self.summary.file(configuration, damage, wall_s),
             filter,
-            events: &self.events,
+            events: self.events.texts(),
             truth: self.agreement.summary(),
         };
-        let mut json = OutputFile::create(directory, "summary.json")?;
-        serde_json::to_writer_pretty(&mut json, &summary)?;
-        json.finish()?;
+        output::write_json(directory, "summary.json", &summary)?;
         self.attitude.finish()?;
         self.health.finish()?;
         Ok(finished)
@@ -182,14 +174,7 @@ fn text(summary: &Summary, filter: &FilterSummary, agreement: &Agreement) -> Str
         let nis = tally.mean_nis.map_or_else(String::new, |nis| format!(", mean NIS {nis:.3}"));
         lines.push(format!("{name}: {} used, {} rejected{nis}", tally.used, tally.rejected));
     }
-    let odd = [
-        ("saturated", filter.saturated),
-        ("not a number", filter.unusable),
-        ("too late", filter.too_late),
-    ];
-    for (what, count) in odd.iter().filter(|(_, count)| *count > 0) {
-        lines.push(format!("left out: {count} {what}"));
-    }
+    lines.extend(events::left_out(filter.saturated, filter.unusable, filter.too_late));
     lines.extend(agreement.text("filter"));
     lines.join("\n")
 }
