@@ -203,11 +203,13 @@ impl FromStr for Satellite {
     type Err = UnknownName;
     fn from_str(text: &str) -> Result<Self, UnknownName> {
         let parsed = match text.as_bytes() {
-            [letter, digits @ ..] if (1..=2).contains(&digits.len()) => {
-                System::from_letter(*letter).zip(text[1..].parse().ok())
+            [letter, unit @ b'0'..=b'9'] => Some((letter, unit - b'0')),
+            [letter, ten @ b'0'..=b'9', unit @ b'0'..=b'9'] => {
+                Some((letter, 10 * (ten - b'0') + unit - b'0'))
             }
             _ => None,
-        };
+        }
+        .and_then(|(letter, number)| Some((System::from_letter(*letter)?, number)));
         let (system, number) = parsed.ok_or_else(|| UnknownName {
             found: text.to_owned(),
             expected: "a satellite such as G05 or E11",
@@ -266,7 +268,7 @@ mod tests {
         for wrong in ["", "G1", "G1c", "G3C", "G1CC", "1C"] {
             assert!(wrong.parse::<Signal>().is_err(), "{wrong}");
         }
-        for wrong in ["", "G", "X05", "G5x", "Gé", "G123"] {
+        for wrong in ["", "G", "X05", "G5x", "Gé", "G123", "G+5", "\u{feff}", "\u{fffd}"] {
             assert!(wrong.parse::<Satellite>().is_err(), "{wrong}");
         }
         for wrong in ["", "G", "G3", "G0", "L1", "G11"] {
