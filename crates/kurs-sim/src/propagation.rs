@@ -59,12 +59,17 @@ impl Path {
         let range_m = range.norm();
         let line_of_sight = range / range_m;
         // ρ̇ (1 + e·(v + ω × r) / c) = e·(v − v_antenna): the transmission time moves too.
-        let earth = Vector3::new(0.0, 0.0, EARTH_RATE_RADPS);
-        let inertial = sender.velocity_mps + earth.cross(&sender.position_m);
+        let inertial = inertial_velocity_mps(&sender);
         let closing = line_of_sight.dot(&(sender.velocity_mps - antenna_velocity_mps));
         let range_rate_mps = closing / (1.0 + line_of_sight.dot(&inertial) / SPEED_OF_LIGHT_MPS);
         Some(Self { range_m, range_rate_mps, line_of_sight, sender })
     }
+}
+
+/// v + ω × r
+fn inertial_velocity_mps(sender: &Sender) -> Vector3<f64> {
+    let earth = Vector3::new(0.0, 0.0, EARTH_RATE_RADPS);
+    sender.velocity_mps + earth.cross(&sender.position_m)
 }
 
 /// Turns vectors given in axes that have turned by an angle less into the axes of now.
@@ -109,7 +114,8 @@ pub(crate) fn wind_up_cycles(
 ) -> f64 {
     let towards = -path.line_of_sight;
     let down = -path.sender.position_m.normalize();
-    let across = down.cross(&path.sender.velocity_mps).normalize();
+    // Against the stars: against the Earth a geostationary satellite does not move.
+    let across = down.cross(&inertial_velocity_mps(&path.sender)).normalize();
     let along = across.cross(&down);
     // D = x − k (k·x) ± k × y
     let effective = |x: &Vector3<f64>, y: &Vector3<f64>, sign: f64| {

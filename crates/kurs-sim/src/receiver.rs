@@ -1,7 +1,7 @@
 //! A receiver with its antenna: which signals it tracks and what it reports of each.
 
 use kurs::ephemeris::Ephemeris;
-use kurs::frames::{Body, Ecef, Geodetic, Vector};
+use kurs::frames::{Body, Ecef, Geodetic, Vector, WGS84_A_M, WGS84_F};
 use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::GpsTime;
@@ -69,6 +69,8 @@ struct Channel {
     integer: i64,
     code_multipath_m: f64,
     phase_multipath_m: f64,
+    /// Time tag to which they belong.
+    multipath_s: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -177,6 +179,7 @@ impl Receiver {
             let body = reception.ecef_from_body.transpose() * path.line_of_sight;
             let sky = &reception.scenario.sky;
             let seen = -level.z > sky.elevation_mask_deg.to_radians().sin()
+                && !(level.z > 0.0 && meets_earth(&antenna, &path.line_of_sight))
                 && !is_masked(&level, &sky.horizon_deg)
                 && !is_masked(&body, &self.mask_deg);
             if !seen {
@@ -255,6 +258,7 @@ impl Link {
                 integer: 0,
                 code_multipath_m: 0.0,
                 phase_multipath_m: 0.0,
+                multipath_s: f64::NEG_INFINITY,
             })
         });
         Self { wind_up_cycles: 0.0, channels: channels.collect() }
@@ -337,7 +341,7 @@ impl Channel {
         let satellite_clock_m = SPEED_OF_LIGHT_MPS * path.sender.clock_s;
         let clocks_m = reception.clock.bias_m - satellite_clock_m;
         let geometric_m = path.range_m + clocks_m + troposphere;
-        self.reflect(scenario, view.sin_elevation, noise);
+        self.reflect(scenario, reception.tag_s, view.sin_elevation, noise);
 
         let drop_db = reception.disturbances.cn0_drop_db(reception.tag_s, signal.band);
         let fall_db = CN0_FALL_DB * (1.0 - view.sin_elevation);
@@ -370,13 +374,15 @@ impl Channel {
         }
     }
 
-    /// Moves the coloured noise on by an interval: x ← φ x + √(1 − φ²) σ cos(el) w.
-    fn reflect(&mut self, scenario: &Scenario, sin_elevation: f64, noise: &mut Noise) {
+    /// Moves the coloured noise on from the last observation, however long ago (at first: for ever):
+    /// x ← φ x + √(1 − φ²) σ cos(el) w, φ = exp(−Δt / τ).
+    fn reflect(&mut self, scenario: &Scenario, tag_s: f64, sin_elevation: f64, noise: &mut Noise) {
         let multipath = &scenario.multipath;
         if multipath.code_sd_m == 0.0 && multipath.phase_sd_m == 0.0 {
             return;
         }
-        let kept = (-scenario.interval_s / multipath.correlation_s).exp();
+        let kept = ((self.multipath_s - tag_s) / multipath.correlation_s).exp();
+        self.multipath_s = tag_s;
         let fresh = ((1.0 - kept * kept) * (1.0 - sin_elevation * sin_elevation)).sqrt();
         self.code_multipath_m =
             kept * self.code_multipath_m + noise.normal(multipath.code_sd_m * fresh);
@@ -408,6 +414,14 @@ impl Growth {
         };
         Self { code: code * weaker(drop_db), phase: phase * weaker(drop_db) }
     }
+}
+
+/// Whether a straight line downwards from an antenna meets the ellipsoid of the Earth.
+fn meets_earth(antenna_m: &Vector3<f64>, line_of_sight: &Vector3<f64>) -> bool {
+    // Stretched along its axis the ellipsoid is a sphere, and a line is still a line.
+    let stretch = Vector3::new(1.0, 1.0, 1.0 / (1.0 - WGS84_F));
+    let [from, along] = [antenna_m, line_of_sight].map(|v| v.component_mul(&stretch));
+    from.cross(&along).norm() < WGS84_A_M * along.norm()
 }
 
 /// Whether an obstacle is in the way; the direction has its x axis at azimuth 0 and z down.
