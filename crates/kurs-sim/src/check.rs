@@ -2,45 +2,55 @@
 
 use core::fmt;
 
-use crate::scenario::{Antenna, Imu, MotionPlan, Place, Scenario};
+use crate::motion::RecordedPose;
+use crate::scenario::{Antenna, Imu, MotionPlan, Place, Scenario, Sky};
 use crate::simulation::ScenarioError;
 
 /// Letters of the systems that have built-in orbits.
 const BUILT_IN_SYSTEMS: [&str; 5] = ["G", "R", "E", "C", "J"];
+/// The navigation file has this name.
+const NAVIGATION_NAME: &str = "nav";
+/// Times beyond are in no scenario.
+const MOST_S: f64 = 1e9;
 /// Turns further round than this say nothing new.
 const MOST_DEG: f64 = 720.0;
 
-/// What a number may be.
+/// What a number may be: values beyond would be none of a receiver, or break the columns of RINEX.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Allowed {
-    Finite,
-    FromZero,
-    AboveZero,
     Within(f64, f64),
+    /// Above zero, and at most this.
+    AboveZero(f64),
 }
 
-const ANGLE: Allowed = Allowed::Within(-MOST_DEG, MOST_DEG);
-const ELEVATION: Allowed = Allowed::Within(-90.0, 90.0);
+const ANGLE: Allowed = within(MOST_DEG);
+const ELEVATION: Allowed = within(90.0);
+const HEIGHT: Allowed = Allowed::Within(-12_000.0, 1e7);
+
+/// On either side of zero.
+const fn within(most: f64) -> Allowed {
+    Allowed::Within(-most, most)
+}
+
+/// From zero.
+const fn up_to(most: f64) -> Allowed {
+    Allowed::Within(0.0, most)
+}
 
 impl Allowed {
     fn holds(self, value: f64) -> bool {
-        value.is_finite()
-            && match self {
-                Self::Finite => true,
-                Self::FromZero => value >= 0.0,
-                Self::AboveZero => value > 0.0,
-                Self::Within(low, high) => (low..=high).contains(&value),
-            }
+        match self {
+            Self::Within(low, high) => (low..=high).contains(&value),
+            Self::AboveZero(high) => value > 0.0 && value <= high,
+        }
     }
 }
 
 impl fmt::Display for Allowed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Finite => f.write_str("a finite number"),
-            Self::FromZero => f.write_str("at least 0"),
-            Self::AboveZero => f.write_str("above 0"),
             Self::Within(low, high) => write!(f, "from {low} to {high}"),
+            Self::AboveZero(high) => write!(f, "above 0, at most {high}"),
         }
     }
 }
@@ -65,11 +75,33 @@ pub(crate) fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
         of_place("station.place", &station.place, &mut numbers);
     }
     of_disturbances(scenario, &mut numbers);
+    check_numbers(&numbers)?;
+    check_names(scenario)?;
+    check_lists(scenario)
+}
+
+/// Refuses a row of a recorded motion with a number that cannot be.
+pub(crate) fn check_pose(pose: &RecordedPose) -> Result<(), ScenarioError> {
+    let [heading, pitch, roll] = pose.angles_deg;
+    let Place { latitude_deg, longitude_deg, height_m } = pose.place;
+    let numbers = [
+        ("time_s", pose.time_s, within(MOST_S)),
+        ("latitude_deg", latitude_deg, ELEVATION),
+        ("longitude_deg", longitude_deg, ANGLE),
+        ("height_m", height_m, HEIGHT),
+        ("heading_deg", heading, ANGLE),
+        ("pitch_deg", pitch, ELEVATION),
+        ("roll_deg", roll, ANGLE),
+    ];
+    check_numbers(&numbers.map(|(key, value, allowed)| (key.to_owned(), value, allowed)))
+}
+
+fn check_numbers(numbers: &[(String, f64, Allowed)]) -> Result<(), ScenarioError> {
     match numbers.iter().find(|(_, value, allowed)| !allowed.holds(*value)) {
         Some((key, value, allowed)) => {
             Err(ScenarioError::new(key, format!("{value}, expected {allowed}")))
         }
-        None => check_lists(scenario),
+        None => Ok(()),
     }
 }
 
@@ -78,23 +110,23 @@ type Numbers = Vec<(String, f64, Allowed)>;
 fn of_surroundings(scenario: &Scenario) -> Numbers {
     let Scenario { noise, multipath, atmosphere, clock, sky, slips, .. } = scenario;
     let numbers = [
-        ("noise.code_sd_m", noise.code_sd_m, Allowed::FromZero),
-        ("noise.phase_sd_cycles", noise.phase_sd_cycles, Allowed::FromZero),
-        ("noise.doppler_sd_hz", noise.doppler_sd_hz, Allowed::FromZero),
-        ("noise.cn0_zenith_dbhz", noise.cn0_zenith_dbhz, Allowed::Within(0.0, 99.0)),
-        ("multipath.code_sd_m", multipath.code_sd_m, Allowed::FromZero),
-        ("multipath.phase_sd_m", multipath.phase_sd_m, Allowed::FromZero),
-        ("multipath.correlation_s", multipath.correlation_s, Allowed::AboveZero),
-        ("atmosphere.ionosphere_zenith_m", atmosphere.ionosphere_zenith_m, Allowed::FromZero),
-        ("atmosphere.troposphere_zenith_m", atmosphere.troposphere_zenith_m, Allowed::FromZero),
-        ("clock.bias_sd_s", clock.bias_sd_s, Allowed::FromZero),
-        ("clock.drift_sd", clock.drift_sd, Allowed::FromZero),
-        ("clock.wander", clock.wander, Allowed::FromZero),
+        ("noise.code_sd_m", noise.code_sd_m, up_to(1e3)),
+        ("noise.phase_sd_cycles", noise.phase_sd_cycles, up_to(1e3)),
+        ("noise.doppler_sd_hz", noise.doppler_sd_hz, up_to(1e4)),
+        ("noise.cn0_zenith_dbhz", noise.cn0_zenith_dbhz, up_to(99.0)),
+        ("multipath.code_sd_m", multipath.code_sd_m, up_to(1e3)),
+        ("multipath.phase_sd_m", multipath.phase_sd_m, up_to(1e3)),
+        ("multipath.correlation_s", multipath.correlation_s, Allowed::AboveZero(1e9)),
+        ("atmosphere.ionosphere_zenith_m", atmosphere.ionosphere_zenith_m, up_to(1e3)),
+        ("atmosphere.troposphere_zenith_m", atmosphere.troposphere_zenith_m, up_to(1e2)),
+        ("clock.bias_sd_s", clock.bias_sd_s, up_to(0.1)),
+        ("clock.drift_sd", clock.drift_sd, up_to(1e-3)),
+        ("clock.wander", clock.wander, up_to(1e-3)),
         ("sky.elevation_mask_deg", sky.elevation_mask_deg, ELEVATION),
-        ("sky.orbit_error_sd_m", sky.orbit_error_sd_m, Allowed::FromZero),
-        ("sky.clock_error_sd_m", sky.clock_error_sd_m, Allowed::FromZero),
-        ("slips.per_hour", slips.per_hour, Allowed::FromZero),
-        ("slips.flagged_share", slips.flagged_share, Allowed::Within(0.0, 1.0)),
+        ("sky.orbit_error_sd_m", sky.orbit_error_sd_m, up_to(1e6)),
+        ("sky.clock_error_sd_m", sky.clock_error_sd_m, up_to(1e6)),
+        ("slips.per_hour", slips.per_hour, up_to(1e6)),
+        ("slips.flagged_share", slips.flagged_share, up_to(1.0)),
     ];
     let mut numbers =
         numbers.map(|(key, value, allowed)| (key.to_owned(), value, allowed)).to_vec();
@@ -114,7 +146,7 @@ fn of_place(key: &str, place: &Place, numbers: &mut Numbers) {
     for (part, value, allowed) in [
         ("latitude_deg", place.latitude_deg, ELEVATION),
         ("longitude_deg", place.longitude_deg, ANGLE),
-        ("height_m", place.height_m, Allowed::Within(-12_000.0, 1e7)),
+        ("height_m", place.height_m, HEIGHT),
     ] {
         numbers.push((format!("{key}.{part}"), value, allowed));
     }
@@ -125,25 +157,25 @@ fn of_imu(imu: &Imu, numbers: &mut Numbers) {
         numbers.extend(values.iter().map(|value| (format!("body.imu.{key}"), *value, allowed)));
     };
     add("interval_s", &[imu.interval_s], Allowed::Within(1e-4, 10.0));
-    add("position_m", &imu.position_m, Allowed::Within(-1e4, 1e4));
+    add("position_m", &imu.position_m, within(1e4));
     add("mounting_deg", &imu.mounting_deg, ANGLE);
-    add("gyro_bias_degph", &imu.gyro_bias_degph, Allowed::Finite);
-    add("gyro_noise_deg_per_sqrt_h", &[imu.gyro_noise_deg_per_sqrt_h], Allowed::FromZero);
-    add("gyro_matrix", imu.gyro_matrix.as_flattened(), Allowed::Finite);
-    add("gyro_range_degps", &[imu.gyro_range_degps], Allowed::AboveZero);
-    add("accelerometer_bias_mps2", &imu.accelerometer_bias_mps2, Allowed::Finite);
+    add("gyro_bias_degph", &imu.gyro_bias_degph, within(1e9));
+    add("gyro_noise_deg_per_sqrt_h", &[imu.gyro_noise_deg_per_sqrt_h], up_to(1e6));
+    add("gyro_matrix", imu.gyro_matrix.as_flattened(), within(1e3));
+    add("gyro_range_degps", &[imu.gyro_range_degps], Allowed::AboveZero(1e6));
+    add("accelerometer_bias_mps2", &imu.accelerometer_bias_mps2, within(1e4));
     let noise = imu.accelerometer_noise_mps2_per_sqrt_hz;
-    add("accelerometer_noise_mps2_per_sqrt_hz", &[noise], Allowed::FromZero);
-    add("accelerometer_matrix", imu.accelerometer_matrix.as_flattened(), Allowed::Finite);
-    add("accelerometer_range_mps2", &[imu.accelerometer_range_mps2], Allowed::AboveZero);
+    add("accelerometer_noise_mps2_per_sqrt_hz", &[noise], up_to(1e4));
+    add("accelerometer_matrix", imu.accelerometer_matrix.as_flattened(), within(1e3));
+    add("accelerometer_range_mps2", &[imu.accelerometer_range_mps2], Allowed::AboveZero(1e6));
 }
 
 fn of_antenna(antenna: &Antenna, interval_s: f64, numbers: &mut Numbers) {
     let half_s = interval_s / 2.0;
     for value in antenna.position_m {
-        numbers.push(("body.antenna.position_m".to_owned(), value, Allowed::Within(-1e4, 1e4)));
+        numbers.push(("body.antenna.position_m".to_owned(), value, within(1e4)));
     }
-    let offset = Allowed::Within(-half_s, half_s);
+    let offset = within(half_s);
     numbers.push(("body.antenna.tag_offset_s".to_owned(), antenna.tag_offset_s, offset));
     numbers.push(("body.antenna.turned_deg".to_owned(), antenna.turned_deg, ANGLE));
     of_obstacles("body.antenna.mask_deg", &antenna.mask_deg, numbers);
@@ -170,12 +202,12 @@ fn of_motion(motion: &MotionPlan, numbers: &mut Numbers) {
             lean_deg_per_mps2,
         } => {
             let coordinates = waypoints_m.iter().flatten();
-            coordinates.for_each(|c| add("waypoints_m", *c, Allowed::Within(-1e6, 1e6)));
-            add("speed_mps", *speed_mps, Allowed::AboveZero);
-            add("wait_s", *wait_s, Allowed::FromZero);
-            add("acceleration_mps2", *acceleration_mps2, Allowed::AboveZero);
-            add("turn_radius_m", *turn_radius_m, Allowed::AboveZero);
-            add("lean_deg_per_mps2", *lean_deg_per_mps2, Allowed::Finite);
+            coordinates.for_each(|c| add("waypoints_m", *c, within(1e6)));
+            add("speed_mps", *speed_mps, Allowed::AboveZero(1e3));
+            add("wait_s", *wait_s, up_to(1e9));
+            add("acceleration_mps2", *acceleration_mps2, Allowed::AboveZero(1e3));
+            add("turn_radius_m", *turn_radius_m, Allowed::AboveZero(1e6));
+            add("lean_deg_per_mps2", *lean_deg_per_mps2, within(90.0));
             (place, "body.motion.place")
         }
         MotionPlan::Ship {
@@ -189,19 +221,19 @@ fn of_motion(motion: &MotionPlan, numbers: &mut Numbers) {
             heave_rms_m,
         } => {
             add("heading_deg", *heading_deg, ANGLE);
-            add("speed_mps", *speed_mps, Allowed::Finite);
-            add("period_s", *period_s, Allowed::AboveZero);
-            add("roll_rms_deg", *roll_rms_deg, Allowed::Within(0.0, 40.0));
-            add("pitch_rms_deg", *pitch_rms_deg, Allowed::Within(0.0, 20.0));
-            add("yaw_rms_deg", *yaw_rms_deg, Allowed::Within(0.0, 90.0));
-            add("heave_rms_m", *heave_rms_m, Allowed::FromZero);
+            add("speed_mps", *speed_mps, within(1e3));
+            add("period_s", *period_s, Allowed::AboveZero(1e6));
+            add("roll_rms_deg", *roll_rms_deg, up_to(40.0));
+            add("pitch_rms_deg", *pitch_rms_deg, up_to(20.0));
+            add("yaw_rms_deg", *yaw_rms_deg, up_to(90.0));
+            add("heave_rms_m", *heave_rms_m, up_to(1e3));
             (place, "body.motion.place")
         }
         MotionPlan::Uav { place, radius_m, speed_mps, tilt_deg, max_rate_degps } => {
-            add("radius_m", *radius_m, Allowed::AboveZero);
-            add("speed_mps", *speed_mps, Allowed::Finite);
+            add("radius_m", *radius_m, Allowed::AboveZero(1e6));
+            add("speed_mps", *speed_mps, within(1e3));
             add("tilt_deg", *tilt_deg, Allowed::Within(0.1, 89.0));
-            add("max_rate_degps", *max_rate_degps, Allowed::AboveZero);
+            add("max_rate_degps", *max_rate_degps, Allowed::AboveZero(1e4));
             (place, "body.motion.place")
         }
         MotionPlan::Orbit {
@@ -214,7 +246,7 @@ fn of_motion(motion: &MotionPlan, numbers: &mut Numbers) {
             roll_deg,
         } => {
             add("altitude_m", *altitude_m, Allowed::Within(1e5, 1e7));
-            add("inclination_deg", *inclination_deg, Allowed::Within(0.0, 180.0));
+            add("inclination_deg", *inclination_deg, up_to(180.0));
             for (key, value) in [
                 ("node_deg", node_deg),
                 ("latitude_argument_deg", latitude_argument_deg),
@@ -235,54 +267,102 @@ fn of_disturbances(scenario: &Scenario, numbers: &mut Numbers) {
     let mut add = |key: &str, value: f64, allowed: Allowed| {
         numbers.push((key.to_owned(), value, allowed));
     };
-    let end = |from_s: f64| Allowed::Within(from_s, f64::MAX);
+    let last_s = scenario.duration_s;
+    let end = |from_s: f64| Allowed::Within(from_s, MOST_S);
     for outage in &scenario.outage {
-        add("outage.from_s", outage.from_s, Allowed::Finite);
+        add("outage.from_s", outage.from_s, within(MOST_S));
         add("outage.to_s", outage.to_s, end(outage.from_s));
     }
     for interference in &scenario.interference {
-        add("interference.from_s", interference.from_s, Allowed::Finite);
+        add("interference.from_s", interference.from_s, within(MOST_S));
         add("interference.to_s", interference.to_s, end(interference.from_s));
-        add("interference.cn0_drop_db", interference.cn0_drop_db, Allowed::FromZero);
+        add("interference.cn0_drop_db", interference.cn0_drop_db, up_to(99.0));
     }
     for slip in &scenario.slip {
-        add("slip.time_s", slip.time_s, Allowed::Finite);
+        // At the first epoch there is no phase yet that could slip.
+        add("slip.time_s", slip.time_s, Allowed::AboveZero(last_s));
+        add("slip.cycles", f64::from(slip.cycles), within(1e6));
     }
     for bias in &scenario.bias {
-        add("bias.code_m", bias.code_m, Allowed::Finite);
-        add("bias.phase_cycles", bias.phase_cycles, Allowed::Finite);
-        add("bias.code_m_per_channel", bias.code_m_per_channel, Allowed::Finite);
-        add("bias.phase_cycles_per_channel", bias.phase_cycles_per_channel, Allowed::Finite);
+        add("bias.code_m", bias.code_m, within(1e6));
+        add("bias.phase_cycles", bias.phase_cycles, within(1e6));
+        add("bias.code_m_per_channel", bias.code_m_per_channel, within(1e5));
+        add("bias.phase_cycles_per_channel", bias.phase_cycles_per_channel, within(1e5));
     }
 }
 
 fn check_lists(scenario: &Scenario) -> Result<(), ScenarioError> {
-    let none = |key: &str| Err(ScenarioError::new(key, "none given, at least one is needed"));
-    let own_signals = scenario.body.iter().flat_map(|body| &body.antenna);
-    let own_signals = own_signals.filter_map(|antenna| antenna.signals.as_ref());
-    if scenario.sky.max_satellites == Some(0) {
+    let sky = &scenario.sky;
+    if sky.max_satellites == Some(0) {
         return Err(ScenarioError::new("sky.max_satellites", "0, expected at least 1"));
     }
-    if scenario.sky.systems.is_empty() {
-        return none("sky.systems");
+    if sky.navigation.is_some() && sky.systems != Sky::default().systems {
+        let problem = "given beside sky.navigation, expected one of the two: of a file all systems \
+                       are used whose signals are tracked";
+        return Err(ScenarioError::new("sky.systems", problem));
     }
-    if let Some(name) =
-        scenario.sky.systems.iter().find(|s| !BUILT_IN_SYSTEMS.contains(&s.as_str()))
-    {
+    if let Some(name) = sky.systems.iter().find(|s| !BUILT_IN_SYSTEMS.contains(&s.as_str())) {
         let known = BUILT_IN_SYSTEMS.join(", ");
         return Err(ScenarioError::new(
             "sky.systems",
             format!("{name:?}, expected some of {known}"),
         ));
     }
-    if scenario.signals.is_empty() {
-        return none("signals");
+    distinct("sky.systems", &sky.systems)?;
+    distinct("signals", &scenario.signals)?;
+    for antenna in scenario.body.iter().flat_map(|body| &body.antenna) {
+        antenna.signals.as_ref().map_or(Ok(()), |own| distinct("body.antenna.signals", own))?;
     }
-    if own_signals.into_iter().any(Vec::is_empty) {
-        return none("body.antenna.signals");
+    let station = scenario.station.as_ref().and_then(|station| station.signals.as_ref());
+    station.map_or(Ok(()), |own| distinct("station.signals", own))?;
+    distinct("output.formats", &scenario.output.formats)
+}
+
+/// Refuses a list that is empty or says something twice.
+fn distinct<T: PartialEq + fmt::Debug>(key: &str, list: &[T]) -> Result<(), ScenarioError> {
+    if list.is_empty() {
+        return Err(ScenarioError::new(key, "[], expected at least one"));
     }
-    if scenario.output.formats.is_empty() {
-        return none("output.formats");
+    let twice = |k: &usize| list[..*k].contains(&list[*k]);
+    match (1..list.len()).find(twice) {
+        Some(k) => Err(ScenarioError::new(key, format!("{:?} twice, expected once", list[k]))),
+        None => Ok(()),
+    }
+}
+
+/// Names of antennas and bodies become names of files and must differ.
+fn check_names(scenario: &Scenario) -> Result<(), ScenarioError> {
+    if scenario.body.is_empty() {
+        return Err(ScenarioError::new("body", "[], expected at least one"));
+    }
+    let bodies = scenario.body.iter().map(|body| ("body.name", body.name.as_str()));
+    file_names(bodies)?;
+    if let Some(body) = scenario.body.iter().find(|body| body.antenna.is_empty()) {
+        let problem = format!("[] of {:?}, expected at least one", body.name);
+        return Err(ScenarioError::new("body.antenna", problem));
+    }
+    let antennas = scenario.body.iter().flat_map(|body| &body.antenna);
+    let antennas = antennas.map(|antenna| ("body.antenna.name", antenna.name.as_str()));
+    let station = scenario.station.iter().map(|station| ("station.name", station.name.as_str()));
+    file_names(antennas.chain(station))
+}
+
+fn file_names<'a>(names: impl Iterator<Item = (&'a str, &'a str)>) -> Result<(), ScenarioError> {
+    let mut known: Vec<&str> = Vec::new();
+    for (key, name) in names {
+        let is_file_name = !name.is_empty()
+            && name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_'));
+        let wanted = if !is_file_name {
+            "only A-Z a-z 0-9 - _"
+        } else if name.eq_ignore_ascii_case(NAVIGATION_NAME) {
+            "another name: this is that of the navigation file"
+        } else if known.iter().any(|other| other.eq_ignore_ascii_case(name)) {
+            "a name that is given once (capital or not)"
+        } else {
+            known.push(name);
+            continue;
+        };
+        return Err(ScenarioError::new(key, format!("{name:?}, expected {wanted}")));
     }
     Ok(())
 }

@@ -4,6 +4,7 @@
 use kurs::ephemeris::Ephemeris;
 use kurs::signal::{Band, Satellite, Signal, System};
 
+use crate::receivable::{Receivable, present};
 use crate::scenario::{BeiDouOrbit, Bias, Interference, Outage, Scenario, Slip};
 use crate::simulation::ScenarioError;
 
@@ -20,35 +21,45 @@ pub(crate) struct Disturbances {
 }
 
 impl Disturbances {
-    pub(crate) fn new(scenario: &Scenario, antennas: &[&str]) -> Result<Self, ScenarioError> {
-        let known = |key: &str, name: &String| {
-            let is_known = name.is_empty() || antennas.contains(&name.as_str());
-            let all = || antennas.join(", ");
-            let wrong = || ScenarioError::new(key, format!("{name:?} is none of {}", all()));
-            is_known.then_some(()).ok_or_else(wrong)
+    /// # Errors
+    ///
+    /// [`ScenarioError`] for a name of nothing that is received, and for keys that contradict each
+    /// other: nothing in a scenario is without effect.
+    pub(crate) fn new(
+        scenario: &Scenario,
+        receivable: &Receivable<'_>,
+    ) -> Result<Self, ScenarioError> {
+        let bands = |key: &str, names: &[String]| {
+            names.iter().map(|name| receivable.band(key, name)).collect::<Result<Vec<_>, _>>()
         };
         let mut found = Self::default();
         for outage in &scenario.outage {
-            outage.antennas.iter().try_for_each(|name| known("outage.antennas", name))?;
-            let satellites = parse_all("outage.satellites", &outage.satellites)?;
-            let bands = parse_all("outage.bands", &outage.bands)?;
+            for name in &outage.antennas {
+                receivable.antenna("outage.antennas", name)?;
+            }
+            let satellites = outage.satellites.iter();
+            let satellites = satellites.map(|name| receivable.satellite("outage.satellites", name));
+            let satellites = satellites.collect::<Result<_, _>>()?;
+            let bands = bands("outage.bands", &outage.bands)?;
             found.outages.push((outage.clone(), satellites, bands));
         }
         for interference in &scenario.interference {
-            let bands = parse_all("interference.bands", &interference.bands)?;
+            let bands = bands("interference.bands", &interference.bands)?;
             found.interference.push((interference.clone(), bands));
         }
         for slip in &scenario.slip {
-            known("slip.antenna", &slip.antenna)?;
-            let satellite = parse("slip.satellite", &slip.satellite)?;
-            found.slips.push((slip.clone(), satellite, parse("slip.band", &slip.band)?));
+            let signals = receivable.antenna("slip.antenna", &slip.antenna)?;
+            let satellite = receivable.satellite("slip.satellite", &slip.satellite)?;
+            let band: Band = receivable.band("slip.band", &slip.band)?;
+            let is_tracked =
+                band.system == satellite.system && signals.iter().any(|s| s.band == band);
+            let wanted = format!("a band that {} tracks of {satellite}", slip.antenna);
+            present(is_tracked, "slip.band", &slip.band, &wanted)?;
+            found.slips.push((slip.clone(), satellite, band));
         }
         for bias in &scenario.bias {
-            known("bias.antenna", &bias.antenna)?;
-            let system =
-                bias.system.as_ref().map(|name| system("bias.system", name)).transpose()?;
-            let signal = bias.signal.as_ref().map(|name| parse("bias.signal", name)).transpose()?;
-            found.biases.push((bias.clone(), system, signal));
+            let known = known_bias(bias, receivable)?;
+            found.biases.push((bias.clone(), known.0, known.1));
         }
         Ok(found)
     }
@@ -134,27 +145,36 @@ fn beidou_orbit(ephemeris: &Ephemeris) -> Option<BeiDouOrbit> {
     }
 }
 
-pub(crate) fn parse<T: core::str::FromStr<Err: core::fmt::Display>>(
-    key: &str,
-    text: &str,
-) -> Result<T, ScenarioError> {
-    text.parse().map_err(|error: T::Err| ScenarioError::new(key, error.to_string()))
-}
-
-fn parse_all<T: core::str::FromStr<Err: core::fmt::Display>>(
-    key: &str,
-    texts: &[String],
-) -> Result<Vec<T>, ScenarioError> {
-    texts.iter().map(|text| parse(key, text)).collect()
-}
-
-/// A system by its letter.
-pub(crate) fn system(key: &str, name: &str) -> Result<System, ScenarioError> {
-    let letter = match name.as_bytes() {
-        [letter] => System::from_letter(*letter),
-        _ => None,
+/// System and signal of a bias, if they agree with each other and with what belongs to one system only.
+fn known_bias(
+    bias: &Bias,
+    receivable: &Receivable<'_>,
+) -> Result<(Option<System>, Option<Signal>), ScenarioError> {
+    if !bias.antenna.is_empty() {
+        receivable.antenna("bias.antenna", &bias.antenna)?;
+    }
+    let signal = bias.signal.as_ref().map(|name| receivable.signal("bias.signal", name));
+    let signal = signal.transpose()?;
+    let system = bias.system.as_ref().map(|name| receivable.system("bias.system", name));
+    let system = system.transpose()?;
+    let of = |only: System| {
+        system.is_none_or(|system| system == only)
+            && signal.is_none_or(|signal| signal.band.system == only)
     };
-    letter.ok_or_else(|| {
-        ScenarioError::new(key, format!("{name:?} is not the letter of a system (G, R, E, C, J)"))
-    })
+    if let (Some(system), Some(name)) = (system, &bias.signal) {
+        let wanted = format!("a signal of bias.system {}", system.letter());
+        present(of(system), "bias.signal", name, &wanted)?;
+    }
+    if let Some(orbit) = bias.orbit {
+        let wanted = "none with another system than C";
+        present(of(System::BeiDou), "bias.orbit", &format!("{orbit:?}"), wanted)?;
+    }
+    for (key, value) in [
+        ("bias.code_m_per_channel", bias.code_m_per_channel),
+        ("bias.phase_cycles_per_channel", bias.phase_cycles_per_channel),
+    ] {
+        let is_possible = value == 0.0 || of(System::Glonass);
+        present(is_possible, key, &value.to_string(), "0 with another system than R")?;
+    }
+    Ok((system, signal))
 }

@@ -15,6 +15,7 @@ mod motion_table;
 pub mod noise;
 pub mod nominal_orbits;
 mod propagation;
+mod receivable;
 mod receiver;
 pub mod rotating_arm;
 mod satellite_track;

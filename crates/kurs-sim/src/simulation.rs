@@ -7,12 +7,13 @@ use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::{Calendar, GpsTime};
 
 use crate::check;
-use crate::disturbance::{self, Disturbances};
+use crate::disturbance::Disturbances;
 use crate::imu::ImuRecording;
 use crate::motion::{Motion, Pose, RecordedPose};
 use crate::noise::Noise;
 use crate::nominal_orbits;
 use crate::propagation::broadcast_ionosphere;
+use crate::receivable::{self, Receivable};
 use crate::receiver::{AmbiguityChange, Receiver, ReceiverPlan, Reception};
 use crate::rotating_arm::Clock;
 use crate::satellite_track::SatelliteTrack;
@@ -123,13 +124,22 @@ impl Simulation {
         let start = start_time(&scenario.start)?;
         let epochs = count_epochs(&scenario)?;
         check::check(&scenario)?;
-        let disturbances = Disturbances::new(&scenario, &antenna_names(&scenario)?)?;
         let navigation = match &attachments.navigation {
             Some(navigation) => navigation.clone(),
             None => built_in_orbits(&scenario, start)?,
         };
+        let mut tracks = tracks(&scenario, &navigation, start);
+        let store = &navigation.ephemerides;
+        if !tracks.iter_mut().any(|track| track.advance(store, 0.0).is_some()) {
+            let name = scenario.sky.navigation.as_deref().unwrap_or_default();
+            let problem = format!("{name:?}, expected a file with records for {}", scenario.start);
+            return Err(ScenarioError::new("sky.navigation", problem));
+        }
+        let satellites: Vec<Satellite> = tracks.iter().map(|track| track.satellite).collect();
+        let receivable = Receivable::new(&scenario, &satellites)?;
+        let disturbances = Disturbances::new(&scenario, &receivable)?;
         let mut simulation = Self {
-            tracks: tracks(&scenario, &navigation, start),
+            tracks,
             ephemerides: Vec::new(),
             bodies: Vec::with_capacity(scenario.body.len()),
             station: None,
@@ -411,7 +421,7 @@ fn first_clock(clocks: &ReceiverClocks, noise: &mut Noise) -> Clock {
 fn built_in_orbits(scenario: &Scenario, start: GpsTime) -> Result<NavigationData, ScenarioError> {
     let names = scenario.sky.systems.iter();
     let systems: Vec<_> = names
-        .map(|name| disturbance::system("sky.systems", name))
+        .map(|name| receivable::system("sky.systems", name))
         .collect::<Result<_, ScenarioError>>()?;
     let mut noise = Noise::stream(scenario.seed, ORBITS);
     let mut data = nominal_orbits::navigation(&systems, start, scenario.duration_s, &mut noise)
@@ -437,13 +447,14 @@ fn tracks(scenario: &Scenario, navigation: &NavigationData, start: GpsTime) -> V
 
 fn signals(own: Option<&Vec<String>>, scenario: &Scenario) -> Result<Vec<Signal>, ScenarioError> {
     let names = own.unwrap_or(&scenario.signals);
-    names.iter().map(|name| disturbance::parse("signals", name)).collect()
+    receivable::parse_all("signals", names)
 }
 
 /// `2024-03-10T12:00:00`, on the GPS scale.
 fn start_time(text: &str) -> Result<GpsTime, ScenarioError> {
-    let expected =
-        || ScenarioError::new("start", format!("{text:?} is not like 2024-03-10T12:00:00"));
+    let expected = || {
+        ScenarioError::new("start", format!("{text:?}, expected a time like 2024-03-10T12:00:00"))
+    };
     let (date, time) = text.split_once(['T', ' ']).ok_or_else(expected)?;
     let mut parts = date.split('-').chain(time.split(':'));
     let mut part = || parts.next().and_then(|word| word.parse::<u16>().ok()).ok_or_else(expected);
@@ -464,38 +475,17 @@ fn start_time(text: &str) -> Result<GpsTime, ScenarioError> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked
 fn count_epochs(scenario: &Scenario) -> Result<usize, ScenarioError> {
     const MOST: f64 = 1e8;
+    const SHORTEST_S: f64 = 1e-3;
+    const LONGEST_S: f64 = 1e5;
     let Scenario { duration_s, interval_s, .. } = scenario;
-    if !(*interval_s > 0.0 && interval_s.is_finite()) {
-        return Err(ScenarioError::new("interval_s", format!("{interval_s} must be above 0")));
+    if !(SHORTEST_S..=LONGEST_S).contains(interval_s) {
+        let problem = format!("{interval_s}, expected from {SHORTEST_S} to {LONGEST_S}");
+        return Err(ScenarioError::new("interval_s", problem));
     }
     let count = (duration_s / interval_s + 1e-6).floor() + 1.0;
     if !(1.0..=MOST).contains(&count) {
-        let problem = format!("{duration_s} gives {count} epochs, 1 to {MOST} are possible");
+        let problem = format!("{duration_s} with {count} epochs, expected 1 to {MOST} epochs");
         return Err(ScenarioError::new("duration_s", problem));
     }
     Ok(count as usize)
-}
-
-/// Names of all antennas: they become names of files and must differ.
-fn antenna_names(scenario: &Scenario) -> Result<Vec<&str>, ScenarioError> {
-    if scenario.body.is_empty() {
-        return Err(ScenarioError::new("body", "none given, at least one is needed"));
-    }
-    let of_bodies = scenario.body.iter().flat_map(|body| &body.antenna).map(|a| a.name.as_str());
-    let of_station = scenario.station.iter().map(|station| station.name.as_str());
-    let mut names: Vec<&str> = Vec::new();
-    for name in of_bodies.chain(of_station) {
-        let is_file_name = !name.is_empty()
-            && name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_'));
-        if !is_file_name || names.contains(&name) {
-            let problem =
-                format!("{name:?} is given twice or has other signs than A-Z a-z 0-9 - _");
-            return Err(ScenarioError::new("antenna.name", problem));
-        }
-        names.push(name);
-    }
-    if let Some(body) = scenario.body.iter().find(|body| body.antenna.is_empty()) {
-        return Err(ScenarioError::new("body.antenna", format!("{:?} has none", body.name)));
-    }
-    Ok(names)
 }

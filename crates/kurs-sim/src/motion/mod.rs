@@ -6,7 +6,7 @@ mod recorded;
 mod ship;
 mod uav;
 
-pub use recorded::{RecordedPose, TooFewPoses};
+pub use recorded::{BadPoseTable, RecordedPose};
 
 use kurs::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 
@@ -69,7 +69,7 @@ impl Motion {
             MotionPlan::Orbit { .. } => Self::Orbit(LowOrbit::new(plan)?),
             MotionPlan::Recorded { file } => {
                 let poses = recorded.ok_or_else(|| format!("{file} was not read"))?;
-                Self::Recorded(Recorded::new(poses).map_err(|error| error.to_string())?)
+                Self::Recorded(Recorded::new(poses).map_err(|error| format!("{file}: {error}"))?)
             }
         })
     }

@@ -4,6 +4,7 @@ use kurs::frames::{Attitude, Ecef, Rotation, Vector};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::{Pose, attitude_of};
+use crate::check;
 use crate::scenario::Place;
 
 /// A row of the table.
@@ -18,8 +19,8 @@ pub struct RecordedPose {
 }
 
 /// The table cannot be interpolated.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum TooFewPoses {
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BadPoseTable {
     /// Fewer than two rows.
     #[error("{found} rows, at least 2 are needed")]
     Rows {
@@ -34,6 +35,14 @@ pub enum TooFewPoses {
         /// Its time.
         time_s: f64,
     },
+    /// A number that cannot be.
+    #[error("row {row}: {problem}")]
+    Value {
+        /// Which row, from 1.
+        row: usize,
+        /// Column, number and what was expected.
+        problem: String,
+    },
 }
 
 /// See the module.
@@ -43,13 +52,17 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    pub(super) fn new(poses: &[RecordedPose]) -> Result<Self, TooFewPoses> {
+    pub(super) fn new(poses: &[RecordedPose]) -> Result<Self, BadPoseTable> {
         if poses.len() < 2 {
-            return Err(TooFewPoses::Rows { found: poses.len() });
+            return Err(BadPoseTable::Rows { found: poses.len() });
+        }
+        for (k, pose) in poses.iter().enumerate() {
+            check::check_pose(pose)
+                .map_err(|error| BadPoseTable::Value { row: k + 1, problem: error.to_string() })?;
         }
         let late = |k: &usize| poses[*k].time_s <= poses[*k - 1].time_s;
         if let Some(row) = (1..poses.len()).find(late) {
-            return Err(TooFewPoses::Order { row: row + 1, time_s: poses[row].time_s });
+            return Err(BadPoseTable::Order { row: row + 1, time_s: poses[row].time_s });
         }
         let row = |pose: &RecordedPose| {
             let matrix = attitude_of(pose.angles_deg).ned_from_body().matrix();
@@ -118,8 +131,11 @@ mod tests {
         // Heading goes through north the short way: 358 and 6 degrees have 2 degrees between them.
         let heading_deg = recorded.pose(1.5).attitude.heading_rad.to_degrees();
         assert!((heading_deg - 2.0).abs() < 0.1, "{heading_deg}");
-        assert_eq!(Recorded::new(&rows[..1]).unwrap_err(), TooFewPoses::Rows { found: 1 });
+        assert_eq!(Recorded::new(&rows[..1]).unwrap_err(), BadPoseTable::Rows { found: 1 });
+        let far = RecordedPose { place: Place { latitude_deg: 95.0, ..rows[0].place }, ..rows[1] };
+        let error = Recorded::new(&[rows[0], far]).unwrap_err().to_string();
+        assert_eq!(error, "row 2: latitude_deg: 95, expected from -90 to 90");
         let twice = [rows[0], rows[0]];
-        assert!(matches!(Recorded::new(&twice), Err(TooFewPoses::Order { row: 2, .. })));
+        assert!(matches!(Recorded::new(&twice), Err(BadPoseTable::Order { row: 2, .. })));
     }
 }
