@@ -42,7 +42,7 @@ fn explain(message: &str, line: &str) -> String {
     if message.starts_with("unknown field") {
         return format!("unknown key `{first}`{}", nearest(first));
     }
-    if message.starts_with("missing field") || message.starts_with("duplicate") {
+    if message.starts_with("missing field") {
         return message.to_owned();
     }
     let key = line.split_once('=').map_or("", |(key, _)| key.trim());

@@ -15,9 +15,12 @@ use crate::output::OutputFile;
 const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;color:#222}\
     table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}\
     td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}\
-    pre{background:#f4f4f4;padding:.7em;overflow-x:auto;font-size:.85em}\
+    pre{background:#f4f4f4;padding:.7em;white-space:pre-wrap;overflow-wrap:anywhere;font-size:.85em}\
+    .tiles{display:flex;flex-wrap:wrap;gap:.7em;margin:1em 0}\
+    .tiles div{border:1px solid #ccc;border-radius:.4em;padding:.5em .9em}\
+    .tiles b{display:block;font-size:1.4em}.tiles small{color:#555}\
     .plot{height:22em}.plot.square{height:34em;max-width:36em}\
-    @media print{.plot,.plot.square{break-inside:avoid}h2{break-after:avoid}}";
+    @media print{.plot,.tiles{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Draws the plots that come into view at once and the others one after the other, while nothing else
 /// is to be done or before the page is printed. Fingers zoom without buttons, which would lie on the legend.
@@ -81,6 +84,23 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
     }
 
+    /// Numbers to be seen at a glance, each with its name.
+    pub(crate) fn tiles(&mut self, tiles: &[[String; 2]]) {
+        self.body.push_str("<div class=\"tiles\">");
+        for [name, value] in tiles {
+            let (name, value) = (escape(name), escape(value));
+            let _ = write!(self.body, "<div><small>{name}</small><b>{value}</b></div>");
+        }
+        self.body.push_str("</div>\n");
+    }
+
+    /// A table behind a line of text, shown when the line is touched.
+    pub(crate) fn folded_table(&mut self, line: &str, header: &[&str], rows: &[Vec<String>]) {
+        let _ = writeln!(self.body, "<details><summary>{}</summary>", escape(line));
+        self.table(header, rows);
+        self.body.push_str("</details>\n");
+    }
+
     /// A table of plain text; without a row of headings if it has none.
     pub(crate) fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
         let cells = |tag: &str, texts: Vec<String>| -> String {
@@ -104,21 +124,27 @@ impl Page {
 
     /// A plot over the whole width.
     pub(crate) fn plot(&mut self, plot: &Plot) {
-        self.place(plot, "plot");
+        self.place(plot, "plot", "");
+    }
+
+    /// A plot over the whole width, only as high as so many lines.
+    pub(crate) fn plot_of_lines(&mut self, plot: &Plot, lines: usize) {
+        let style = format!(" style=\"height:{}em\"", 7 + 2 * lines);
+        self.place(plot, "plot", &style);
     }
 
     /// A plot as high as it is wide.
     pub(crate) fn square_plot(&mut self, plot: &Plot) {
-        self.place(plot, "plot square");
+        self.place(plot, "plot square", "");
     }
 
-    fn place(&mut self, plot: &Plot, class: &str) {
+    fn place(&mut self, plot: &Plot, class: &str, style: &str) {
         self.plots += 1;
         // Only `</` could end the script early.
         let json = plot.to_json().replace("</", "<\\/");
         let _ = writeln!(
             self.body,
-            "<div id=\"plot-{}\" class=\"{class}\"><script type=\"application/json\">{json}</script></div>",
+            "<div id=\"plot-{}\" class=\"{class}\"{style}><script type=\"application/json\">{json}</script></div>",
             self.plots
         );
     }
@@ -161,12 +187,14 @@ mod tests {
     fn names_cannot_be_markup_and_nothing_is_fetched() {
         let mut page = Page::new("<script>alert(1)</script>");
         page.table(&["a & b"], &[vec!["<b>".to_owned()]]);
+        page.tiles(&[["<i>".to_owned(), "1 < 2".to_owned()]]);
         page.plot(&Plot::new());
         let folder = tempfile::tempdir().unwrap();
         page.write(folder.path(), "page.html").unwrap();
         let text = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
         assert!(text.contains("<h1>&lt;script&gt;alert(1)&lt;/script&gt;</h1>"));
         assert!(text.contains("<th>a &amp; b</th>") && text.contains("<td>&lt;b&gt;</td>"));
+        assert!(text.contains("<small>&lt;i&gt;</small><b>1 &lt; 2</b>"));
         assert!(!text.contains("<script src="), "no script from the network");
     }
 }

@@ -215,11 +215,16 @@ impl Summary {
         if let Some(rate) = self.fix_rate() {
             rows.push(["fix rate".to_owned(), format!("{:.2} %", 100.0 * rate)]);
         }
-        for (name, m) in self.moments() {
-            let text = format!("mean {:.4}, std {:.4}", m.mean(&name), m.std());
-            rows.push([name, text]);
-        }
         rows
+    }
+
+    /// Name, mean and standard deviation of everything that has a value.
+    pub(crate) fn means(&self) -> Vec<[String; 3]> {
+        let row = |(name, m): (String, Moments)| {
+            let (mean, std) = (m.mean(&name), m.std());
+            [name, format!("{mean:.4}"), format!("{std:.4}")]
+        };
+        self.moments().into_iter().map(row).collect()
     }
 
     /// The few lines a user wants to see at the end.

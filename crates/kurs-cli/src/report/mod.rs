@@ -51,6 +51,8 @@ pub(crate) struct Report {
 pub(crate) struct Words<'a> {
     /// Name and value of the headline numbers.
     pub(crate) headline: Vec<[String; 2]>,
+    /// Name, mean and standard deviation of angles and baselines.
+    pub(crate) moments: Vec<[String; 3]>,
     /// The configuration in force.
     pub(crate) configuration: String,
     /// Orbits, for the sky plot.
@@ -113,7 +115,13 @@ impl Report {
                 "First epoch {first} GPST; time in the plots is counted from it."
             ));
         }
-        page.table(&[], &words.headline.iter().map(|row| row.to_vec()).collect::<Vec<_>>());
+        page.tiles(&words.headline);
+        let moments: Vec<_> = words.moments.iter().map(|row| row.to_vec()).collect();
+        page.folded_table(
+            "Mean and standard deviation of angles and baselines over the fixed epochs",
+            &["", "mean", "standard deviation"],
+            &moments,
+        );
         if self.samples.kept_every() > 1 {
             page.paragraph(&format!(
                 "The plots show one epoch of every {}, and of each such group one that is not fixed \
@@ -124,6 +132,9 @@ impl Report {
         for (k, name) in ["Heading", "Pitch", "Roll"].iter().enumerate() {
             if samples.iter().any(|sample| sample.angles_deg[k].is_some()) {
                 page.heading(name);
+                if k == 0 && plots::is_continued(samples) {
+                    page.paragraph("Continued through north: below 0° or above 360° it counts on.");
+                }
                 page.plot(&plots::angle(samples, k, name));
                 if samples.iter().any(|sample| sample.truth_deg.is_some()) {
                     page.plot(&plots::error(samples, k, name));
@@ -131,7 +142,8 @@ impl Report {
             }
         }
         page.heading("Status, and why epochs are not fixed");
-        page.plot(&plots::status(samples));
+        let (plot, lines) = plots::status(samples);
+        page.plot_of_lines(&plot, lines);
         page.heading("Lengths of the baselines");
         for (k, name) in self.antennas.iter().skip(1).enumerate() {
             let known_m = self.known_lengths_m.get(k).copied().flatten();

@@ -1,6 +1,7 @@
 //! The plots of the report.
 
 use core::f64::consts::FRAC_PI_2;
+use std::collections::BTreeSet;
 
 use kurs::ephemeris::{Ephemeris, EphemerisStore};
 use kurs::frames::{Ecef, Vector};
@@ -9,8 +10,8 @@ use kurs::sky::Horizon;
 use kurs::solution::Status;
 use kurs::time::GpsTime;
 use plotly::common::{
-    Anchor, ColorBar, ColorScale, ColorScalePalette, Fill, Line, Marker, MarkerSymbol, Mode,
-    Orientation, Title,
+    Anchor, ColorBar, ColorScale, ColorScalePalette, DashType, Fill, Font, Line, Marker,
+    MarkerSymbol, Mode, Orientation, Title,
 };
 use plotly::layout::{Axis, AxisConstrain, AxisType, CategoryOrder, RangeMode};
 use plotly::{Layout, Plot, Scatter};
@@ -33,20 +34,29 @@ type Curve = Vec<Option<f64>>;
 
 /// An angle with its bands of one and three standard deviations, and the truth where known.
 pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
-    let mut plot = over_time(&format!("{name}, degrees"));
+    let mut plot = over_time(samples, &format!("{name}, degrees"));
     let angles = continued(curve(samples, |sample| sample.angles_deg[k]));
     add_bands(&mut plot, samples, k, &angles);
+    add_line(&mut plot, samples, angles, "solution", BLUE);
     if samples.iter().any(|sample| sample.truth_deg.is_some()) {
         let truth = curve(samples, |sample| sample.truth_deg.map(|angles| angles[k]));
-        add_line(&mut plot, samples, continued(truth), "truth", VERMILION);
+        // On top, with gaps through which the solution is seen.
+        let line = Line::new().color(VERMILION).width(2.0).dash(DashType::Dash);
+        let truth = Scatter::new(times(samples), continued(truth)).mode(Mode::Lines).line(line);
+        plot.add_trace(truth.name("truth"));
     }
-    add_line(&mut plot, samples, angles, "solution", BLUE);
     plot
+}
+
+/// Whether the plot of the heading leaves the range of a compass.
+pub(super) fn is_continued(samples: &[Sample]) -> bool {
+    let headings = continued(curve(samples, |sample| sample.angles_deg[0]));
+    headings.iter().flatten().any(|heading| !(0.0..=360.0).contains(heading))
 }
 
 /// The error of an angle inside the bands that it claims.
 pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
-    let mut plot = over_time(&format!("{name} error, degrees"));
+    let mut plot = over_time(samples, &format!("{name} error, degrees"));
     let zero = curve(samples, |sample| sample.angles_deg[k].map(|_| 0.0));
     add_bands(&mut plot, samples, k, &zero);
     let error = |sample: &Sample| Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]));
@@ -54,13 +64,14 @@ pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
     plot
 }
 
-/// A row for every status and reason that occurs.
-pub(super) fn status(samples: &[Sample]) -> Plot {
+/// A line for every status and reason that occurs, and their number.
+pub(super) fn status(samples: &[Sample]) -> (Plot, usize) {
     let label = |sample: &Sample| match sample.reason {
         "" => sample.status.word().to_owned(),
         reason => format!("{}: {reason}", sample.status.word()),
     };
-    let mut plot = over_time("");
+    let mut plot = over_time(samples, "");
+    let mut lines = BTreeSet::new();
     for status in Status::ALL {
         let of_status: Vec<&Sample> = samples.iter().filter(|s| s.status == status).collect();
         if of_status.is_empty() {
@@ -74,17 +85,18 @@ pub(super) fn status(samples: &[Sample]) -> Plot {
         };
         let times: Vec<f64> = of_status.iter().map(|s| s.elapsed_s).collect();
         let labels: Vec<String> = of_status.iter().map(|s| label(s)).collect();
+        lines.extend(labels.iter().cloned());
         let marker = Marker::new().color(colour).size(5);
         plot.add_trace(
             Scatter::new(times, labels).mode(Mode::Markers).marker(marker).name(status.word()),
         );
     }
-    plot
+    (plot, lines.len())
 }
 
 /// The length of a baseline, and the length it should have.
 pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f64>) -> Plot {
-    let mut plot = over_time(&format!("{name}, m"));
+    let mut plot = over_time(samples, &format!("{name}, m"));
     let marker = Marker::new().color(BLUE).size(3);
     let lengths = curve(samples, |sample| sample.lengths_m.get(k).copied().flatten());
     plot.add_trace(
@@ -98,7 +110,7 @@ pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f
 
 /// RMS of the double-differenced phase residuals.
 pub(super) fn residuals(samples: &[Sample]) -> Plot {
-    let mut plot = over_time("RMS, mm");
+    let mut plot = over_time(samples, "phase, RMS, mm");
     let rms = curve(samples, |sample| sample.residual_rms_m.map(|rms| rms * 1e3));
     add_line(&mut plot, samples, rms, "phase residuals", BLUE);
     plot
@@ -154,7 +166,7 @@ fn by_satellite(
 
 /// How many satellites take part.
 pub(super) fn satellites(samples: &[Sample]) -> Plot {
-    let mut plot = over_time_from_zero("satellites");
+    let mut plot = over_time_from_zero(samples, "satellites");
     let count = curve(samples, |sample| Some(sample.satellites as f64));
     add_line(&mut plot, samples, count, "satellites", BLUE);
     plot
@@ -162,7 +174,7 @@ pub(super) fn satellites(samples: &[Sample]) -> Plot {
 
 /// How sure the integers are before the fact.
 pub(super) fn success_rate(samples: &[Sample]) -> Plot {
-    let mut plot = over_time_from_zero("success rate");
+    let mut plot = over_time_from_zero(samples, "success rate");
     let rate = curve(samples, |sample| sample.success_rate);
     add_line(&mut plot, samples, rate, "predicted success rate", BLUE);
     plot
@@ -192,6 +204,9 @@ pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &
             Scatter::new(x, y).mode(Mode::Lines).line(line).name(name).show_legend(false),
         );
     }
+    let heights = Scatter::new(vec![0.0; 2], [30.0, 60.0].map(|deg| 1.0 - deg / 90.0).to_vec());
+    let heights = heights.mode(Mode::Text).text_array(vec!["30°", "60°"]);
+    plot.add_trace(heights.text_font(Font::new().size(10).color(GREY)).show_legend(false));
     add_paths(&mut plot, samples, ephemerides);
     add_cells(&mut plot, residuals);
     plot
@@ -222,7 +237,7 @@ fn add_paths(plot: &mut Plot, samples: &[Sample], ephemerides: &EphemerisStore) 
     }
     let marker = Marker::new().color(GREY).size(3);
     let paths = Scatter::new(x, y).mode(Mode::Markers).marker(marker).hover_text_array(names);
-    plot.add_trace(paths.name("in orbit").show_legend(false));
+    plot.add_trace(paths.name("not used"));
 }
 
 /// Where phases were used: the shape tells the system, the colour the residual.
@@ -260,8 +275,13 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
                 .mode(Mode::Markers)
                 .marker(marker)
                 .name(system.to_string())
+                .show_legend(false)
                 .hover_text_array(names),
         );
+        // In the legend the shape alone: colours are residuals.
+        let marker = Marker::new().color("#333333").symbol(symbol_of(system)).size(9);
+        let shape = Scatter::new(vec![None::<f64>], vec![None::<f64>]).mode(Mode::Markers);
+        plot.add_trace(shape.marker(marker).name(system.to_string()));
     }
 }
 
@@ -269,8 +289,18 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
 pub(super) fn track(samples: &[Sample]) -> Plot {
     let mut plot = laid_out(
         Layout::new()
-            .x_axis(Axis::new().title(Title::with_text("east, m")).scale_anchor("y"))
-            .y_axis(Axis::new().title(Title::with_text("north, m")).auto_margin(true)),
+            .x_axis(
+                Axis::new()
+                    .title(Title::with_text("east, m"))
+                    .scale_anchor("y")
+                    .constrain(AxisConstrain::Domain),
+            )
+            .y_axis(
+                Axis::new()
+                    .title(Title::with_text("north, m"))
+                    .auto_margin(true)
+                    .constrain(AxisConstrain::Domain),
+            ),
     );
     let mut places = samples.iter().filter_map(|sample| sample.position);
     if let Some((first, first_m)) = places.next() {
@@ -282,6 +312,9 @@ pub(super) fn track(samples: &[Sample]) -> Plot {
         plot.add_trace(
             Scatter::new(east, north).mode(Mode::Markers).marker(marker).name("position"),
         );
+        let marker = Marker::new().color(VERMILION).symbol(MarkerSymbol::TriangleUp).size(12);
+        let start = Scatter::new(vec![0.0], vec![0.0]).mode(Mode::Markers).marker(marker);
+        plot.add_trace(start.name("start"));
     }
     plot
 }
@@ -364,15 +397,17 @@ fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colo
     plot.add_trace(trace.connect_gaps(false));
 }
 
-fn over_time(title: &str) -> Plot {
-    with_time(Axis::new().title(Title::with_text(title)))
+fn over_time(samples: &[Sample], title: &str) -> Plot {
+    with_time(samples, Axis::new().title(Title::with_text(title)))
 }
 
-fn over_time_from_zero(title: &str) -> Plot {
-    with_time(Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
+fn over_time_from_zero(samples: &[Sample], title: &str) -> Plot {
+    with_time(samples, Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
 }
 
-fn with_time(axis: Axis) -> Plot {
-    let time = Axis::new().title(Title::with_text("time, s"));
+/// All plots over time begin and end at the same time.
+fn with_time(samples: &[Sample], axis: Axis) -> Plot {
+    let last_s = samples.last().map_or(1.0, |sample| sample.elapsed_s.max(1e-3));
+    let time = Axis::new().title(Title::with_text("time, s")).range(vec![0.0, last_s]);
     laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
 }

@@ -18,7 +18,7 @@ use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 use crate::failure::UsageError;
 use crate::output::OutputFile;
 use crate::progress::Progress;
-use observation_files::{ObservationFiles, file_name};
+use observation_files::{ObservationFiles, file_name, left_out};
 use scenario_file::load;
 use truth_tables::{AmbiguityTable, TruthTable};
 
@@ -100,6 +100,17 @@ impl Files {
         let mut files = Self::default();
         let create = |name: &str, header: &ObservationFileHeader| {
             let formats = &scenario.output.formats;
+            for format in formats {
+                let missing: Vec<String> =
+                    left_out(*format, &header.signals).iter().map(Signal::to_string).collect();
+                if !missing.is_empty() {
+                    let missing = missing.join(", ");
+                    eprintln!(
+                        "{}: the format has no {missing}: left out",
+                        file_name(name, *format)
+                    );
+                }
+            }
             ObservationFiles::create(directory, name, formats, header, simulation.navigation())
         };
         for (index, (body, made)) in scenario.body.iter().zip(&first.bodies).enumerate() {
@@ -198,6 +209,7 @@ fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Re
             writeln!(file, "position_m = {:?}\n", antenna.position_m)?;
         }
         writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]")?;
+        writeln!(file, "\n[solve]\nconstraint = \"array\"")?;
         if let Some(station) = &scenario.station {
             let position_m = station.place.geodetic().to_ecef().xyz();
             writeln!(file, "\n[station]\nobs = [{:?}]", file_name(&station.name, *format))?;

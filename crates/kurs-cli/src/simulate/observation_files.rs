@@ -7,6 +7,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
+use kurs::signal::Signal;
 use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
@@ -27,6 +28,20 @@ pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
         ObservationFormat::Sbf => "sbf",
     };
     format!("{antenna}.{ending}")
+}
+
+/// Signals that a format has no number for.
+pub(super) fn left_out(format: ObservationFormat, signals: &[Signal]) -> Vec<Signal> {
+    let has_number: fn(Signal) -> bool = match format {
+        ObservationFormat::Ubx => kurs_formats::ubx::has_number,
+        ObservationFormat::Rtcm3 => kurs_formats::rtcm::has_number,
+        ObservationFormat::Sbf => kurs_formats::sbf::has_number,
+        ObservationFormat::Rinex
+        | ObservationFormat::RinexGzip
+        | ObservationFormat::Crinex
+        | ObservationFormat::CrinexGzip => |_| true,
+    };
+    signals.iter().copied().filter(|signal| !has_number(*signal)).collect()
 }
 
 /// Number of the station in an RTCM 3 log: every antenna has a log of its own.

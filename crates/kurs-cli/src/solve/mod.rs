@@ -145,7 +145,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = summary.file(loaded.text(), &damage, wall_s);
     output::write_json(&args.out, "summary.json", &file)?;
     outputs.finish()?;
-    review.write(args, &loaded, summary.headline())?;
+    review.write(args, &loaded, &summary)?;
 
     if !args.quiet {
         print!("{}", closing(&summary, &damage, &args.out));

@@ -6,6 +6,7 @@ use kurs::solution::EpochSolution;
 use super::config::Loaded;
 use super::{Args, antenna_names};
 use crate::report::{Report, Words};
+use crate::summary::Summary;
 use crate::truth::{Agreement, Truth};
 
 /// See the module.
@@ -43,16 +44,22 @@ impl Review {
         }
     }
 
-    /// Writes the report; `counts` are the numbers of epochs by status.
+    /// Writes the report.
     pub(super) fn write(
         &self,
         args: &Args,
         loaded: &Loaded,
-        counts: Vec<[String; 2]>,
+        summary: &Summary,
     ) -> anyhow::Result<()> {
         let Some((report, ephemerides)) = &self.report else { return Ok(()) };
-        let headline = counts.into_iter().chain(self.agreement()).collect();
-        let words = Words { headline, configuration: loaded.explain(), ephemerides };
+        // The number of fixed epochs stands in the summary already.
+        let headline = summary.headline().into_iter().chain(self.agreement().into_iter().skip(1));
+        let words = Words {
+            headline: headline.collect(),
+            moments: summary.means(),
+            configuration: loaded.explain(),
+            ephemerides,
+        };
         report.write(&args.out, &words)
     }
 

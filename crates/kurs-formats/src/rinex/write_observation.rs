@@ -100,6 +100,7 @@ fn write_satellite(
     observations: &[Observation],
 ) -> io::Result<()> {
     const BLANK: &str = "                ";
+    const WIDTH: usize = 14;
     let mut line = satellite.to_string();
     for signal in signals {
         let Some(seen) = observations.iter().find(|o| o.signal == *signal) else {
@@ -114,8 +115,10 @@ fn write_satellite(
             (seen.doppler_hz, ' ', ' '),
             (seen.cn0_dbhz, ' ', ' '),
         ] {
-            match value {
-                Some(value) => line.push_str(&format!("{value:14.3}{lock}{strength}")),
+            // F14.3: what has no room in the columns is left blank, or it would move all others.
+            let text = value.filter(|value| value.is_finite()).map(|value| format!("{value:14.3}"));
+            match text.filter(|text| text.len() == WIDTH) {
+                Some(text) => line.push_str(&format!("{text}{lock}{strength}")),
                 None => line.push_str(BLANK),
             }
         }

@@ -14,6 +14,7 @@ pub(crate) mod place;
 mod signal;
 mod write;
 
+pub use signal::has_number;
 pub use write::Rtcm3Writer;
 
 use crate::fields::BitReader;

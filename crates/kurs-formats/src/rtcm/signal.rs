@@ -132,6 +132,12 @@ pub(super) fn signal(system: System, bit: u8) -> Option<Signal> {
     Some(Signal::new(system, digit - b'0', *attribute))
 }
 
+/// Whether the format has a number for the signal: others are left out of what is written.
+#[must_use]
+pub fn has_number(wanted: Signal) -> bool {
+    signal_bit(wanted).is_some()
+}
+
 /// The bit of a signal in the mask.
 pub(super) fn signal_bit(wanted: Signal) -> Option<u8> {
     let system = wanted.band.system;

@@ -17,6 +17,7 @@ mod write;
 use core::fmt;
 use core::str::FromStr;
 
+pub use signal::has_number;
 pub use write::SbfWriter;
 
 /// An antenna of a Septentrio receiver, as its logs number them: `main`, `aux1`, `aux2`, …

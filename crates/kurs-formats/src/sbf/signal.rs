@@ -87,6 +87,12 @@ pub(super) fn signal(system: System, number: u8, e6b_used: bool) -> Option<Signa
     (*of == system).then(|| Signal::new(system, digit - b'0', *attribute))
 }
 
+/// Whether the format has a number for the signal: others are left out of what is written.
+#[must_use]
+pub fn has_number(wanted: Signal) -> bool {
+    signal_number(wanted, false).is_some()
+}
+
 /// The number of a signal; of Galileo E6 only where the flag says the same.
 pub(super) fn signal_number(wanted: Signal, e6b_used: bool) -> Option<u8> {
     let system = wanted.band.system;

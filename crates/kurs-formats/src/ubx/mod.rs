@@ -12,4 +12,5 @@ pub(crate) mod sfrbx;
 mod signal;
 mod write;
 
+pub use signal::has_number;
 pub use write::UbxWriter;

@@ -77,6 +77,12 @@ pub(super) fn signal(system: System, id: u8) -> Option<Signal> {
     row.map(|(_, _, digit, attribute)| Signal::new(system, *digit, *attribute))
 }
 
+/// Whether the format has a number for the signal: others are left out of what is written.
+#[must_use]
+pub fn has_number(wanted: Signal) -> bool {
+    SIGNALS.iter().any(|(system, _, digit, code)| wanted == Signal::new(*system, *digit, *code))
+}
+
 /// `sigId` of a signal of `satellite`, as u-blox numbers it.
 pub(super) fn signal_id(satellite: Satellite, signal: Signal) -> Option<u8> {
     let mut rows = SIGNALS

@@ -68,8 +68,10 @@ impl Motion {
             MotionPlan::Uav { .. } => Self::Uav(Uav::new(plan)?),
             MotionPlan::Orbit { .. } => Self::Orbit(LowOrbit::new(plan)?),
             MotionPlan::Recorded { file } => {
-                let poses = recorded.ok_or_else(|| format!("{file} was not read"))?;
-                Self::Recorded(Recorded::new(poses).map_err(|error| format!("{file}: {error}"))?)
+                let poses = recorded.ok_or_else(|| format!("file: {file:?} was not read"))?;
+                Self::Recorded(
+                    Recorded::new(poses).map_err(|error| format!("file: {file}: {error}"))?,
+                )
             }
         })
     }
