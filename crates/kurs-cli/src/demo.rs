@@ -19,7 +19,12 @@ pub(crate) struct Args {
 /// Runs the command: what a user would do by hand.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Args { out, quiet } = args;
-    simulate::run(&simulate::Args::built_in("car", out.clone(), *quiet))?;
+    // What to run next is said by the other command.
+    simulate::run(&simulate::Args::built_in("car", out.clone(), true))?;
     let (configuration, truth) = (out.join("kurs.toml"), out.join("truth.csv"));
-    solve::run(&solve::Args::of_simulation(configuration, truth, out.clone(), *quiet))
+    let code = solve::run(&solve::Args::of_simulation(configuration, truth, out.clone(), *quiet))?;
+    if !quiet {
+        println!("\nopen {}", out.join("report.html").display());
+    }
+    Ok(code)
 }

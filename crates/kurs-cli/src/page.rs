@@ -20,6 +20,7 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     .tiles div{border:1px solid #ccc;border-radius:.4em;padding:.5em .9em}\
     .tiles b{display:block;font-size:1.4em}.tiles small{color:#555}\
     .plot{height:22em}.plot.square{height:34em;max-width:36em}\
+    @media(max-width:36em){.plot.square{height:27em}}\
     @media print{.plot,.tiles{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Draws the plots that come into view at once and the others one after the other, while nothing else
@@ -84,12 +85,16 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
     }
 
-    /// Numbers to be seen at a glance, each with its name.
+    /// Numbers to be seen at a glance, each with its name; what stands behind a comma is small.
     pub(crate) fn tiles(&mut self, tiles: &[[String; 2]]) {
         self.body.push_str("<div class=\"tiles\">");
         for [name, value] in tiles {
-            let (name, value) = (escape(name), escape(value));
-            let _ = write!(self.body, "<div><small>{name}</small><b>{value}</b></div>");
+            let (value, more) = value.split_once(", ").unwrap_or((value, ""));
+            let [name, value, more] = [name.as_str(), value, more].map(escape);
+            let _ = write!(
+                self.body,
+                "<div><small>{name}</small><b>{value}</b><small>{more}</small></div>"
+            );
         }
         self.body.push_str("</div>\n");
     }
