@@ -85,7 +85,7 @@ pub(super) struct Outcome {
 }
 
 /// The searches, and the noise of the session.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Fixer {
     searches: Searches,
     code: NoiseScale,
@@ -93,24 +93,16 @@ pub(super) struct Fixer {
     independence: Independence,
     /// Of the epoch, beside those before.
     weight: f64,
-}
-
-impl Default for Fixer {
-    fn default() -> Self {
-        Self {
-            searches: Searches::default(),
-            code: NoiseScale::default(),
-            phase: NoiseScale::default(),
-            independence: Independence::default(),
-            weight: 1.0,
-        }
-    }
+    pub(super) time: GpsTime,
+    /// The last trial without code found nothing; until then none is worth its time.
+    pub(super) no_trial_without_code_until: GpsTime,
 }
 
 impl Fixer {
     /// Begins the epoch at `time`.
     pub(super) fn begin(&mut self, time: GpsTime) {
         self.weight = self.independence.weight(time);
+        self.time = time;
     }
 
     /// Float solution with the noise level of the session, which learns from its code residuals.

@@ -1,6 +1,7 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
 mod channel_bias;
+mod code_free;
 mod fix;
 mod locate;
 mod misfit;
@@ -190,7 +191,7 @@ impl Engine {
         if anew {
             outcome.verdict = outcome.verdict.after_many_slips();
         }
-        if let Some(part) = self.fix_without_a_suspect(outcome.verdict, &frame) {
+        if let Some(part) = self.fix_without_a_suspect(outcome.verdict, &float, &frame) {
             (self.links, groups) = (part.links, part.groups);
             (float, outcome) = (part.float, part.outcome);
         }
@@ -261,9 +262,13 @@ impl Engine {
         }
     }
 
-    /// Integers of the epoch without the phases that may spoil those of all others, where these are not
-    /// accepted.
-    fn fix_without_a_suspect(&mut self, verdict: Verdict, frame: &CommonFrame) -> Option<Part> {
+    /// Integers of the epoch without something that may spoil them, if they are not accepted.
+    fn fix_without_a_suspect(
+        &mut self,
+        verdict: Verdict,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<Part> {
         let Self { fixer, channel_biases, links, settings, .. } = self;
         // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
         // those of the others: their messages are modulated in another way.
@@ -271,8 +276,7 @@ impl Engine {
             let is_geostationary = link.satellite.is_beidou_geo();
             link.phase_m.is_some() && (is_geostationary || channel_biases.is_unknown(link))
         };
-        let suspects = partial::suspects(verdict, links, is_unlike);
-        fixer.fix_without_one(&suspects, links, is_unlike, frame, settings)
+        fixer.fix_without_a_suspect(verdict, float, links, is_unlike, frame, settings)
     }
 
     /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be

@@ -13,6 +13,7 @@ use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, FloatSolution, VarianceFactors};
 use crate::solution::Reason;
 
+use super::code_free;
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
 
@@ -156,6 +157,9 @@ impl Searches {
         problem: &Problem,
         array: &AntennaArray,
     ) -> Result<Found, Reason> {
+        if problem.float.is_without_code() {
+            return self.with_lengths(problem, array);
+        }
         let sure = |found: &Found| found.rivals <= problem.rate;
         if let Some(found) = self.without_constraint(problem).ok().filter(sure) {
             return Ok(found);
@@ -197,6 +201,7 @@ impl Searches {
             let pair =
                 FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover], |_| noise)
                     .map_err(|_| Reason::FewSatellites)?;
+            let pair = if float.is_without_code() { pair.without_code() } else { pair };
             let approximate_m = frame.approximate_m[block].xyz();
             let (found, conditional) =
                 self.one_length(problem, &pair, approximate_m, length(*rover))?;
@@ -219,14 +224,19 @@ impl Searches {
         approximate_m: Vector3<f64>,
         length: Length,
     ) -> Result<(Found, Conditional), Reason> {
-        let approximate_m = DVector::from_column_slice(approximate_m.as_slice());
-        let mixed = mixed_float(float, &approximate_m)?;
-        let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
+        let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
+        let mixed = mixed_float(float, &stacked_m)?;
+        let (candidates, proven_to) = match self.length.solve(&mixed, length, CANDIDATES) {
+            Ok(candidates) => (candidates, self.length.proven_to()),
+            Err(AmbiguityError::BudgetExceeded { .. }) if float.is_without_code() => {
+                code_free::over_the_sphere(float, approximate_m, length)?
+            }
+            Err(error) => return Err(reason(error)),
+        };
         let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
         let variances = self.length.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
         let best = candidates.first().ok_or(Reason::WeakModel)?;
-        let proven_to = self.length.proven_to();
         let found = problem.weigh(float, &best.integers, &costs, proven_to, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
