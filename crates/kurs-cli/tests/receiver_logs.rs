@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,7 +11,9 @@ use std::rc::Rc;
 use assert_cmd::Command;
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
-use kurs::observation::AntennaEpoch;
+use kurs::observation::{AntennaEpoch, Observation};
+use kurs::signal::{Satellite, Signal};
+use kurs::time::GpsTime;
 use kurs_formats::navigation;
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rtcm::Rtcm3Writer;
@@ -102,6 +105,55 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
         println!("{format}: angles within {worst_deg:.4}° of those from RINEX");
         // C/N0 in whole dB-Hz (UBX) changes weights; half a millimetre on 1.2 m is 0.024°.
         assert!(worst_deg < 0.03, "{format} {worst_deg}");
+    }
+}
+
+/// Observations of a file by time, satellite and signal.
+fn by_signal(path: &Path) -> BTreeMap<(GpsTime, Satellite, Signal), Observation> {
+    let all = epochs(path).into_iter();
+    let key = |time, o: Observation| ((time, o.satellite, o.signal), o);
+    all.flat_map(|epoch| epoch.observations.into_iter().map(move |o| key(epoch.time, o))).collect()
+}
+
+/// `convbin` of RTKLIB makes of the logs what the RINEX file has, within the resolution of each format: of
+/// phases in RTCM one and the same number of whole cycles is missing all the time.
+#[test]
+fn convbin_reads_the_observations_of_the_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    simulated(folder.path());
+    let wanted = by_signal(&path("simulated/A1.rnx"));
+    assert!(wanted.len() > 61 * 30, "{}", wanted.len());
+    // Rounding of the converted file, and that of single precision, milliseconds/2²⁹ and /2³¹, 1e-4 m/s.
+    for (format, cn0_db, code_m, cycles, hertz) in
+        [("ubx", 0.501, 1.1e-3, 1.1e-3, 2e-3), ("rtcm3", 0.04, 1.5e-3, 1.5e-3, 2e-3)]
+    {
+        let log = path(&format!("simulated/A1.{format}"));
+        let run = std::process::Command::new("convbin")
+            .args(["-r", format, "-tr", "2024/03/10", "12:00:00", "-v", "3.04"])
+            .args(["-od", "-os", "-f", "7", "-o"])
+            .args([&path("converted.rnx"), &log])
+            .output();
+        if let Err(error) = run {
+            println!("skipped: convbin: {error}");
+            return;
+        }
+        let found = by_signal(&path("converted.rnx"));
+        assert!(found.keys().eq(wanted.keys()), "{format}: {} of {}", found.len(), wanted.len());
+        let mut missing = BTreeMap::new();
+        for (key, a) in &wanted {
+            let b = &found[key];
+            let off = |of: fn(&Observation) -> Option<f64>| of(b).unwrap() - of(a).unwrap();
+            assert!(off(|o| o.pseudorange_m).abs() < code_m, "{format} {key:?} {a:?} {b:?}");
+            assert!(off(|o| o.doppler_hz).abs() < hertz, "{format} {key:?} {a:?} {b:?}");
+            assert!(off(|o| o.cn0_dbhz).abs() < cn0_db, "{format} {key:?} {a:?} {b:?}");
+            let whole = off(|o| o.phase_cycles).round();
+            let fraction = off(|o| o.phase_cycles) - whole;
+            assert!(fraction.abs() < cycles, "{format} {key:?} {a:?} {b:?}");
+            let first = *missing.entry((key.1, key.2)).or_insert(whole);
+            assert_eq!(whole, if format == "ubx" { 0.0 } else { first }, "{format} {key:?}");
+        }
+        println!("{format}: {} observations as simulated", found.len());
     }
 }
 

@@ -98,7 +98,7 @@ fn draw_track(points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
         .x_label_area_size(36)
         .y_label_area_size(48)
         .build_cartesian_2d(east, north)?;
-    chart.configure_mesh().x_desc("east, m").y_desc("north, m").light_line_style(WHITE).draw()?;
+    mesh(&mut chart, "east, m", "north, m")?;
     draw_both(&mut chart, ground(0).collect(), ground(1).collect())?;
     legend(&mut chart, SeriesLabelPosition::LowerRight)?;
     area.present()?;
@@ -111,24 +111,41 @@ fn draw_angles(points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::new(&path, (900, 640)).into_drawing_area();
     area.fill(&WHITE)?;
     let end_s = points.last().map_or(1.0, |p| p.time_s);
-    type Angle = fn(&Point) -> [f64; 2];
-    let angles: [(&str, Angle, core::ops::Range<f64>); 2] = [
-        ("azimuth, degrees", |p| p.heading_deg, 0.0..360.0),
-        ("roll, degrees", |p| p.roll_deg, limits(points.iter().map(|p| p.roll_deg[0]))),
+    let angles = [
+        ("azimuth, degrees", azimuths(points), SeriesLabelPosition::LowerLeft),
+        (
+            "roll, degrees",
+            points.iter().map(|p| p.roll_deg).collect(),
+            SeriesLabelPosition::LowerRight,
+        ),
     ];
-    for (part, (name, angle, range)) in area.split_evenly((2, 1)).iter().zip(angles) {
+    for (part, (name, angle, place)) in area.split_evenly((2, 1)).iter().zip(angles) {
+        let range = limits(angle.iter().map(|both| both[1]));
         let mut chart = ChartBuilder::on(part)
             .margin(12)
             .x_label_area_size(36)
             .y_label_area_size(48)
             .build_cartesian_2d(0.0..end_s, range)?;
-        chart.configure_mesh().x_desc("time, s").y_desc(name).light_line_style(WHITE).draw()?;
-        let over_time = |k: usize| points.iter().map(|p| (p.time_s, angle(p)[k])).collect();
+        mesh(&mut chart, "time, s", name)?;
+        let over_time =
+            |k: usize| points.iter().zip(&angle).map(|(p, both)| (p.time_s, both[k])).collect();
         draw_both(&mut chart, over_time(0), over_time(1))?;
-        legend(&mut chart, SeriesLabelPosition::LowerMiddle)?;
+        legend(&mut chart, place)?;
     }
     area.present()?;
     Ok(())
+}
+
+/// Truth and estimate, continued through north so that no line crosses the figure.
+fn azimuths(points: &[Point]) -> Vec<[f64; 2]> {
+    let near = |angle: f64, reference: f64| angle - 360.0 * ((angle - reference) / 360.0).round();
+    let mut before = 0.0;
+    let continued = points.iter().map(|point| {
+        let [truth, estimate] = point.heading_deg;
+        before = near(truth, before);
+        [before, near(estimate, before)]
+    });
+    continued.collect()
 }
 
 type Chart<'a> = ChartContext<
@@ -137,7 +154,15 @@ type Chart<'a> = ChartContext<
     Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>,
 >;
 
-/// The truth as a broad line, the estimate as a thin one on it; both broken where an angle jumps.
+fn mesh(chart: &mut Chart<'_>, x: &str, y: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let whole = |value: &f64| format!("{value:.0}");
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(x).y_desc(y).x_label_formatter(&whole).y_label_formatter(&whole);
+    mesh.light_line_style(WHITE).draw()?;
+    Ok(())
+}
+
+/// The truth as a broad line, the estimate as a thin one on it.
 fn draw_both(
     chart: &mut Chart<'_>,
     truth: Vec<(f64, f64)>,
@@ -146,14 +171,9 @@ fn draw_both(
     for (name, line, colour, width) in
         [("truth", truth, TRUTH, 5), ("estimate", estimate, ESTIMATE, 1)]
     {
-        for (index, piece) in line.chunk_by(|a, b| (a.1 - b.1).abs() < 180.0).enumerate() {
-            let style = colour.stroke_width(width);
-            let drawn = chart.draw_series(LineSeries::new(piece.iter().copied(), style))?;
-            if index == 0 {
-                let key = move |(x, y)| PathElement::new([(x, y), (x + 20, y)], style);
-                drawn.label(name).legend(key);
-            }
-        }
+        let style = colour.stroke_width(width);
+        let key = move |(x, y)| PathElement::new([(x, y), (x + 20, y)], style);
+        chart.draw_series(LineSeries::new(line, style))?.label(name).legend(key);
     }
     Ok(())
 }

@@ -18,7 +18,7 @@ use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 use crate::failure::UsageError;
 use crate::output::OutputFile;
 use crate::progress::Progress;
-use observation_files::{ObservationFiles, file_name, left_out};
+use observation_files::{ObservationFiles, file_name, signals_left_out};
 use scenario_file::load;
 use truth_tables::{AmbiguityTable, TruthTable};
 
@@ -101,8 +101,10 @@ impl Files {
         let create = |name: &str, header: &ObservationFileHeader| {
             let formats = &scenario.output.formats;
             for format in formats {
-                let missing: Vec<String> =
-                    left_out(*format, &header.signals).iter().map(Signal::to_string).collect();
+                let missing: Vec<String> = signals_left_out(*format, &header.signals)
+                    .iter()
+                    .map(Signal::to_string)
+                    .collect();
                 if !missing.is_empty() {
                     let missing = missing.join(", ");
                     eprintln!(

@@ -31,7 +31,7 @@ pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
 }
 
 /// Signals that a format has no number for.
-pub(super) fn left_out(format: ObservationFormat, signals: &[Signal]) -> Vec<Signal> {
+pub(super) fn signals_left_out(format: ObservationFormat, signals: &[Signal]) -> Vec<Signal> {
     let has_number: fn(Signal) -> bool = match format {
         ObservationFormat::Ubx => kurs_formats::ubx::has_number,
         ObservationFormat::Rtcm3 => kurs_formats::rtcm::has_number,
