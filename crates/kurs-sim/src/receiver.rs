@@ -179,7 +179,7 @@ impl Receiver {
             let body = reception.ecef_from_body.transpose() * path.line_of_sight;
             let sky = &reception.scenario.sky;
             let seen = -level.z > sky.elevation_mask_deg.to_radians().sin()
-                && !(level.z > 0.0 && meets_earth(&antenna, &path.line_of_sight))
+                && !meets_earth(&antenna, &path.line_of_sight)
                 && !is_masked(&level, &sky.horizon_deg)
                 && !is_masked(&body, &self.mask_deg);
             if !seen {
@@ -416,12 +416,12 @@ impl Growth {
     }
 }
 
-/// Whether a straight line downwards from an antenna meets the ellipsoid of the Earth.
+/// Whether the straight way from an antenna meets the ellipsoid of the Earth.
 fn meets_earth(antenna_m: &Vector3<f64>, line_of_sight: &Vector3<f64>) -> bool {
     // Stretched along its axis the ellipsoid is a sphere, and a line is still a line.
     let stretch = Vector3::new(1.0, 1.0, 1.0 / (1.0 - WGS84_F));
     let [from, along] = [antenna_m, line_of_sight].map(|v| v.component_mul(&stretch));
-    from.cross(&along).norm() < WGS84_A_M * along.norm()
+    from.dot(&along) < 0.0 && from.cross(&along).norm() < WGS84_A_M * along.norm()
 }
 
 /// Whether an obstacle is in the way; the direction has its x axis at azimuth 0 and z down.
