@@ -6,9 +6,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthCandidate;
 use crate::ambiguity::sphere::Length;
-use crate::ambiguity::sphere_search::{PhaseModel, SphereCandidate, all_within};
+use crate::ambiguity::sphere_search::{PhaseModel, SphereCandidate, all_in_time};
 use crate::float_solution::FloatSolution;
 use crate::solution::Reason;
 
@@ -18,6 +19,8 @@ const USELESS: f64 = 2.0;
 const LEAST_FREEDOM: usize = 8;
 /// The time for a sphere grows with its area: some tens of milliseconds for this radius, m.
 const MAX_LENGTH_M: f64 = 3.0;
+/// Integers that are tried, a few milliseconds: noisy phases leave too many.
+const MAX_NODES: usize = 500_000;
 /// Rivals that cost so much more than the phases' degrees of freedom are not looked for.
 const HORIZON: f64 = 50.0;
 
@@ -27,28 +30,44 @@ pub(super) fn code_is_useless(float: &FloatSolution) -> bool {
     fit.freedom >= LEAST_FREEDOM && fit.unit_weight() > USELESS
 }
 
-/// The integers of one baseline, cheapest first, and what all others cost at least.
-///
-/// # Errors
-///
-/// [`Reason::Budget`] for a baseline that is too long, [`Reason::WeakModel`].
-pub(super) fn over_the_sphere(
-    float: &FloatSolution,
-    approximate_m: Vector3<f64>,
-    length: Length,
-) -> Result<(Vec<LengthCandidate>, f64), Reason> {
-    if length.length_m > MAX_LENGTH_M {
-        return Err(Reason::Budget);
+/// The search over the sphere, with the memory of its success rate.
+#[derive(Debug, Default)]
+pub(super) struct CodeFree {
+    decorrelation: Decorrelation,
+}
+
+impl CodeFree {
+    /// The integers of one baseline, cheapest first, and what all others cost at least.
+    ///
+    /// # Errors
+    ///
+    /// [`Reason::Budget`] where that takes too long, [`Reason::WeakModel`].
+    pub(super) fn solve(
+        &mut self,
+        float: &FloatSolution,
+        approximate_m: Vector3<f64>,
+        length: Length,
+    ) -> Result<(Vec<LengthCandidate>, f64), Reason> {
+        if length.length_m > MAX_LENGTH_M {
+            return Err(Reason::Budget);
+        }
+        let weak = Reason::WeakModel;
+        self.decorrelation.compute(&float.ambiguity_covariance).map_err(|_| weak)?;
+        let model = phase_model(float, approximate_m).ok_or(weak)?;
+        let max_cost = model.phases_m.len() as f64 + HORIZON;
+        let found = all_in_time(&model, length, max_cost, MAX_NODES).map_err(|_| Reason::Budget)?;
+        let candidate = |c: SphereCandidate| LengthCandidate {
+            integers: c.integers,
+            cost: c.cost,
+            baseline_m: c.baseline_m,
+        };
+        Ok((found.into_iter().map(candidate).collect(), max_cost))
     }
-    let model = phase_model(float, approximate_m).ok_or(Reason::WeakModel)?;
-    let max_cost = model.phases_m.len() as f64 + HORIZON;
-    let found = all_within(&model, length, max_cost).map_err(|_| Reason::WeakModel)?;
-    let candidate = |c: SphereCandidate| LengthCandidate {
-        integers: c.integers,
-        cost: c.cost,
-        baseline_m: c.baseline_m,
-    };
-    Ok((found.into_iter().map(candidate).collect(), max_cost))
+
+    /// Of the last call of [`solve`](Self::solve).
+    pub(super) fn decorrelation(&self) -> &Decorrelation {
+        &self.decorrelation
+    }
 }
 
 /// The phases of the one baseline of a float solution, with its code as the prior.

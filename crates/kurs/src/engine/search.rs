@@ -13,7 +13,7 @@ use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, FloatSolution, VarianceFactors};
 use crate::solution::Reason;
 
-use super::code_free;
+use super::code_free::CodeFree;
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
 
@@ -67,6 +67,7 @@ pub(super) struct Searches {
     free: IntegerLeastSquares,
     length: LengthConstrained,
     array: ArrayConstrained,
+    code_free: CodeFree,
 }
 
 impl Default for Searches {
@@ -74,7 +75,12 @@ impl Default for Searches {
         // Proving that nothing lies far beyond the best takes longer than finding it.
         let mut array = ArrayConstrained::default();
         (array.horizon, array.node_budget) = (ARRAY_HORIZON, ARRAY_NODES);
-        Self { free: IntegerLeastSquares::default(), length: LengthConstrained::default(), array }
+        Self {
+            free: IntegerLeastSquares::default(),
+            length: LengthConstrained::default(),
+            array,
+            code_free: CodeFree::default(),
+        }
     }
 }
 
@@ -87,6 +93,10 @@ impl Searches {
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
         match (problem.settings.constraint, &problem.settings.array) {
             (Constraint::Length, Some(array)) => self.with_lengths(problem, array),
+            // Without code the search of the array has no end; the checks come after.
+            (Constraint::Array, Some(array)) if problem.float.is_without_code() => {
+                self.with_lengths(problem, array)
+            }
             (Constraint::Array, Some(array)) => self
                 .with_array(problem, array)
                 .or_else(|reason| self.without_array(reason, problem, array)),
@@ -157,9 +167,6 @@ impl Searches {
         problem: &Problem,
         array: &AntennaArray,
     ) -> Result<Found, Reason> {
-        if problem.float.is_without_code() {
-            return self.with_lengths(problem, array);
-        }
         let sure = |found: &Found| found.rivals <= problem.rate;
         if let Some(found) = self.without_constraint(problem).ok().filter(sure) {
             return Ok(found);
@@ -224,18 +231,17 @@ impl Searches {
         approximate_m: Vector3<f64>,
         length: Length,
     ) -> Result<(Found, Conditional), Reason> {
-        let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
-        let mixed = mixed_float(float, &stacked_m)?;
-        let (candidates, proven_to) = match self.length.solve(&mixed, length, CANDIDATES) {
-            Ok(candidates) => (candidates, self.length.proven_to()),
-            Err(AmbiguityError::BudgetExceeded { .. }) if float.is_without_code() => {
-                code_free::over_the_sphere(float, approximate_m, length)?
-            }
-            Err(error) => return Err(reason(error)),
+        let (candidates, proven_to, decorrelation) = if float.is_without_code() {
+            let (candidates, proven_to) = self.code_free.solve(float, approximate_m, length)?;
+            (candidates, proven_to, self.code_free.decorrelation())
+        } else {
+            let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
+            let mixed = mixed_float(float, &stacked_m)?;
+            let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
+            (candidates, self.length.proven_to(), self.length.decorrelation())
         };
         let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
-        let variances = self.length.decorrelation().conditional_variances();
-        let rate = bootstrapped_success_rate(variances);
+        let rate = bootstrapped_success_rate(decorrelation.conditional_variances());
         let best = candidates.first().ok_or(Reason::WeakModel)?;
         let found = problem.weigh(float, &best.integers, &costs, proven_to, rate)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
