@@ -13,15 +13,28 @@ fn tracked() -> Satellite {
     roof(|_| ()).satellites(0, 0)[0]
 }
 
-/// The slips that `ambiguities.csv` tells of: epoch, antenna, signal, cycles, flagged.
-fn slips(run: &Run) -> Vec<(usize, String, Satellite, Signal, i64, bool)> {
-    let epochs = run.epochs.iter().enumerate();
-    epochs
-        .flat_map(|(epoch, made)| made.changes.iter().map(move |change| (epoch, change)))
-        .filter_map(|(epoch, c)| {
-            Some((epoch, c.antenna.clone(), c.satellite, c.signal, c.slip?, c.flagged))
-        })
-        .collect()
+/// A slip that `ambiguities.csv` tells of.
+#[derive(Debug, PartialEq)]
+struct ToldSlip {
+    epoch: usize,
+    antenna: usize,
+    satellite: Satellite,
+    signal: Signal,
+    cycles: i64,
+    flagged: bool,
+}
+
+fn slips(run: &Run) -> Vec<ToldSlip> {
+    let mut told = Vec::new();
+    for (epoch, made) in run.epochs.iter().enumerate() {
+        for change in &made.changes {
+            let Some(cycles) = change.slip else { continue };
+            let (satellite, signal, flagged) = (change.satellite, change.signal, change.flagged);
+            let antenna = usize::from(change.antenna == "A1");
+            told.push(ToldSlip { epoch, antenna, satellite, signal, cycles, flagged });
+        }
+    }
+    told
 }
 
 /// A slip adds its cycles to one band of one satellite at one antenna, from its time on.
@@ -49,11 +62,12 @@ fn a_slip_stays() {
             assert!((change.phase_cycles - wanted).abs() < 1e-6, "{change:?}");
             assert_eq!((change.code_m, change.doppler_hz), (0.0, 0.0));
         }
-        let told = vec![(2, "A1".to_owned(), slipping, signal("G2W"), -7, flagged)];
-        assert_eq!(slips(&with), told);
+        let signal = signal("G2W");
+        let (epoch, antenna, satellite, cycles) = (2, 1, slipping, -7);
+        assert_eq!(slips(&with), [ToldSlip { epoch, antenna, satellite, signal, cycles, flagged }]);
         for epoch in 0..with.epochs.len() {
             for (key, o) in by_signal(with.antenna(epoch, 1)) {
-                let is_slip = epoch == 2 && key == (slipping, signal("G2W"));
+                let is_slip = epoch == 2 && key == (slipping, signal);
                 assert_eq!(o.lock.slipped(), is_slip && flagged, "{epoch} {key:?}");
             }
         }
@@ -75,17 +89,16 @@ fn random_slips_come_as_often_as_asked() {
     let expected = observations as f64 * 20.0 / 3600.0;
     let off = slips.len() as f64 - expected;
     assert!(off.abs() < 3.29 * expected.sqrt(), "{} slips, {expected:.1} expected", slips.len());
-    let share = |yes: &dyn Fn(&(usize, String, Satellite, Signal, i64, bool)) -> bool| {
+    let share = |yes: fn(&ToldSlip) -> bool| {
         slips.iter().filter(|slip| yes(slip)).count() as f64 / slips.len() as f64
     };
     let band = 3.29 * (0.25 / slips.len() as f64).sqrt();
-    assert!((share(&|slip| slip.5) - 0.3).abs() < band);
-    assert!((share(&|slip| slip.4 > 0) - 0.5).abs() < band);
-    for (epoch, antenna, satellite, signal, cycles, flagged) in &slips {
-        assert!((1..=10).contains(&cycles.abs()));
-        let antenna = usize::from(antenna == "A1");
-        let o = by_signal(run.antenna(*epoch, antenna))[&(*satellite, *signal)];
-        assert_eq!(o.lock.slipped(), *flagged);
+    assert!((share(|slip| slip.flagged) - 0.3).abs() < band);
+    assert!((share(|slip| slip.cycles > 0) - 0.5).abs() < band);
+    for slip in &slips {
+        assert!((1..=10).contains(&slip.cycles.abs()));
+        let seen = by_signal(run.antenna(slip.epoch, slip.antenna));
+        assert_eq!(seen[&(slip.satellite, slip.signal)].lock.slipped(), slip.flagged);
     }
     // The table of whole cycles holds what the phases have: P − d = λ (Φ − N), slips and all.
     let mut cycles = BTreeMap::new();
