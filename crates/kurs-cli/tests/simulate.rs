@@ -214,9 +214,11 @@ place = { latitude_deg = 59.9, longitude_deg = 29.7, height_m = 12.0 }
     assert!((east - 10f64.to_radians().sin()).abs() < 1e-5, "{east}");
     assert!((north - 10f64.to_radians().cos()).abs() < 1e-5, "{north}");
 
+    let explained = kurs(&["solve".as_ref(), &path("kurs.toml"), "--explain".as_ref()]).stdout;
+    let explained = String::from_utf8(explained).unwrap();
+    assert!(explained.contains("solve.constraint = \"array\""), "{explained}");
     for (name, rows) in [("kurs.toml", 31), ("kurs-dinghy.toml", 31)] {
         let toml = fs::read_to_string(path(name)).unwrap();
-        assert!(toml.contains("constraint = \"array\""), "{toml}");
         assert!(toml.contains("[station]\nobs = [\"pier.crx.gz\"]"), "{toml}");
         let out = path("solved");
         let output = kurs(&["solve".as_ref(), &path(name), "--out".as_ref(), &out]);

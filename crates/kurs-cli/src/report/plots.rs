@@ -26,6 +26,8 @@ const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
 const LARGEST_COLOUR_MM: f64 = 8.0;
+/// Lines are broken where the time to the next epoch is so many times the usual one.
+const LONG_GAP: f64 = 5.0;
 /// Times at which the sky is drawn.
 const SKY_INSTANTS: usize = 60;
 
@@ -37,13 +39,12 @@ pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
     let mut plot = over_time(samples, &format!("{name}, degrees"));
     let angles = continued(curve(samples, |sample| sample.angles_deg[k]));
     add_bands(&mut plot, samples, k, &angles);
-    add_line(&mut plot, samples, angles, "solution", BLUE);
+    add_line(&mut plot, samples, &angles, "solution", Line::new().color(BLUE).width(1.5));
     if samples.iter().any(|sample| sample.truth_deg.is_some()) {
         let truth = curve(samples, |sample| sample.truth_deg.map(|angles| angles[k]));
         // On top, with gaps through which the solution is seen.
         let line = Line::new().color(VERMILION).width(2.0).dash(DashType::Dash);
-        let truth = Scatter::new(times(samples), continued(truth)).mode(Mode::Lines).line(line);
-        plot.add_trace(truth.name("truth"));
+        add_line(&mut plot, samples, &continued_beside(truth, &angles), "truth", line);
     }
     plot
 }
@@ -60,7 +61,8 @@ pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
     let zero = curve(samples, |sample| sample.angles_deg[k].map(|_| 0.0));
     add_bands(&mut plot, samples, k, &zero);
     let error = |sample: &Sample| Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]));
-    add_line(&mut plot, samples, curve(samples, error), "solution minus truth", BLUE);
+    let line = Line::new().color(BLUE).width(1.5);
+    add_line(&mut plot, samples, &curve(samples, error), "solution minus truth", line);
     plot
 }
 
@@ -103,7 +105,8 @@ pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f
         Scatter::new(times(samples), lengths).mode(Mode::Markers).marker(marker).name("solution"),
     );
     if let Some(known_m) = known_m {
-        add_line(&mut plot, samples, vec![Some(known_m); samples.len()], "known", VERMILION);
+        let known = vec![Some(known_m); samples.len()];
+        add_line(&mut plot, samples, &known, "known", Line::new().color(VERMILION).width(1.5));
     }
     plot
 }
@@ -112,7 +115,7 @@ pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f
 pub(super) fn residuals(samples: &[Sample]) -> Plot {
     let mut plot = over_time(samples, "phase, RMS, mm");
     let rms = curve(samples, |sample| sample.residual_rms_m.map(|rms| rms * 1e3));
-    add_line(&mut plot, samples, rms, "phase residuals", BLUE);
+    add_line(&mut plot, samples, &rms, "phase residuals", Line::new().color(BLUE).width(1.5));
     plot
 }
 
@@ -168,7 +171,7 @@ fn by_satellite(
 pub(super) fn satellites(samples: &[Sample]) -> Plot {
     let mut plot = over_time_from_zero(samples, "satellites");
     let count = curve(samples, |sample| Some(sample.satellites as f64));
-    add_line(&mut plot, samples, count, "satellites", BLUE);
+    add_line(&mut plot, samples, &count, "satellites", Line::new().color(BLUE).width(1.5));
     plot
 }
 
@@ -176,7 +179,8 @@ pub(super) fn satellites(samples: &[Sample]) -> Plot {
 pub(super) fn success_rate(samples: &[Sample]) -> Plot {
     let mut plot = over_time_from_zero(samples, "success rate");
     let rate = curve(samples, |sample| sample.success_rate);
-    add_line(&mut plot, samples, rate, "predicted success rate", BLUE);
+    let line = Line::new().color(BLUE).width(1.5);
+    add_line(&mut plot, samples, &rate, "predicted success rate", line);
     plot
 }
 
@@ -363,11 +367,18 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// Headings continued through north, beyond 360° or below 0°, so that no line crosses the plot.
-fn continued(mut angles: Curve) -> Curve {
+fn continued(angles: Curve) -> Curve {
+    let alone = vec![None; angles.len()];
+    continued_beside(angles, &alone)
+}
+
+/// The same, as near as can be to other headings where there are any.
+fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     let mut last = None;
-    for angle in angles.iter_mut().flatten() {
-        if let Some(before) = last {
-            *angle = before + difference_deg(*angle, before);
+    for (angle, other) in angles.iter_mut().zip(others) {
+        let Some(angle) = angle else { continue };
+        if let Some(near) = other.or(last) {
+            *angle = near + difference_deg(*angle, near);
         }
         last = Some(*angle);
     }
@@ -391,9 +402,22 @@ fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
     }
 }
 
-fn add_line(plot: &mut Plot, samples: &[Sample], values: Curve, name: &str, colour: &'static str) {
-    let line = Line::new().color(colour).width(1.5);
-    let trace = Scatter::new(times(samples), values).mode(Mode::Lines).line(line).name(name);
+/// A line that is broken where there are no values, and where there are no epochs for long.
+fn add_line(plot: &mut Plot, samples: &[Sample], values: &Curve, name: &str, line: Line) {
+    let steps = || samples.windows(2).map(|two| two[1].elapsed_s - two[0].elapsed_s);
+    let mut sorted: Vec<f64> = steps().collect();
+    sorted.sort_by(f64::total_cmp);
+    let longest_s = sorted.get(sorted.len() / 2).map_or(f64::INFINITY, |usual| LONG_GAP * usual);
+    let (mut times, mut broken) = (Vec::new(), Vec::new());
+    for ((sample, value), step_s) in samples.iter().zip(values).zip(steps().chain([0.0])) {
+        times.push(rounded(sample.elapsed_s));
+        broken.push(*value);
+        if step_s > longest_s {
+            times.push(rounded(sample.elapsed_s + step_s / 2.0));
+            broken.push(None);
+        }
+    }
+    let trace = Scatter::new(times, broken).mode(Mode::Lines).line(line).name(name);
     plot.add_trace(trace.connect_gaps(false));
 }
 
@@ -410,4 +434,21 @@ fn with_time(samples: &[Sample], axis: Axis) -> Plot {
     let last_s = samples.last().map_or(1.0, |sample| sample.elapsed_s.max(1e-3));
     let time = Axis::new().title(Title::with_text("time, s")).range(vec![0.0, last_s]);
     laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A heading near north begins at 359.9° or at 0.1°: the truth goes with it.
+    #[test]
+    fn truth_is_drawn_beside_the_solution() {
+        let solution = continued([359.9, 0.2, 10.0, 350.0].map(Some).to_vec());
+        assert_eq!(solution, [359.9, 360.2, 370.0, 350.0].map(Some).to_vec());
+        let truth = continued_beside([0.0, 0.0, 10.5, 350.5].map(Some).to_vec(), &solution);
+        assert_eq!(truth, [360.0, 360.0, 370.5, 350.5].map(Some).to_vec());
+        let gaps =
+            continued_beside(vec![Some(1.0), None, Some(2.0)], &vec![Some(361.0), None, None]);
+        assert_eq!(gaps, [Some(361.0), None, Some(362.0)]);
+    }
 }

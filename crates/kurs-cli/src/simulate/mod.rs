@@ -211,7 +211,6 @@ fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Re
             writeln!(file, "position_m = {:?}\n", antenna.position_m)?;
         }
         writeln!(file, "[nav]\nfiles = [{NAVIGATION:?}]")?;
-        writeln!(file, "\n[solve]\nconstraint = \"array\"")?;
         if let Some(station) = &scenario.station {
             let position_m = station.place.geodetic().to_ecef().xyz();
             writeln!(file, "\n[station]\nobs = [{:?}]", file_name(&station.name, *format))?;

@@ -235,6 +235,17 @@ mod tests {
         }
     }
 
+    /// A number with more digits than the columns hold leaves them blank, and moves no other.
+    #[test]
+    fn what_has_no_room_is_left_blank() {
+        let l1 = Signal::new(System::Gps, 1, b'C');
+        let far = Observation { doppler_hz: Some(f64::NAN), ..observation("G05", l1, -1e9) };
+        let mut text = Vec::new();
+        write_satellite(&mut text, far.satellite, &[l1], &[far]).unwrap();
+        let line = String::from_utf8(text).unwrap();
+        assert_eq!(line, format!("G05  22907163.076 7{}        43.250\n", " ".repeat(32)));
+    }
+
     /// What is written is read back, with several satellites, signals, gaps and slips.
     #[test]
     fn written_files_are_read_back() {
