@@ -116,14 +116,15 @@ fn by_signal(path: &Path) -> BTreeMap<(GpsTime, Satellite, Signal), Observation>
 }
 
 /// `convbin` of RTKLIB makes of the logs what the RINEX file has, within the resolution of each format: of
-/// phases in RTCM one and the same number of whole cycles is missing all the time.
+/// phases in RTCM one and the same number of whole cycles is missing all the time. In UBX RTKLIB 2.4.3
+/// does not know E5a, and adds half a cycle to the geostationary satellites of BeiDou.
 #[test]
 fn convbin_reads_the_observations_of_the_logs() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     simulated(folder.path());
-    let wanted = by_signal(&path("simulated/A1.rnx"));
-    assert!(wanted.len() > 61 * 30, "{}", wanted.len());
+    let all = by_signal(&path("simulated/A1.rnx"));
+    assert!(all.len() > 61 * 30, "{}", all.len());
     // Rounding of the converted file, and that of single precision, milliseconds/2²⁹ and /2³¹, 1e-4 m/s.
     for (format, cn0_db, code_m, cycles, hertz) in
         [("ubx", 0.501, 1.1e-3, 1.1e-3, 2e-3), ("rtcm3", 0.04, 1.5e-3, 1.5e-3, 2e-3)]
@@ -139,6 +140,8 @@ fn convbin_reads_the_observations_of_the_logs() {
             return;
         }
         let found = by_signal(&path("converted.rnx"));
+        let mut wanted = all.clone();
+        wanted.retain(|(.., signal), _| format != "ubx" || signal.to_string() != "E5Q");
         assert!(found.keys().eq(wanted.keys()), "{format}: {} of {}", found.len(), wanted.len());
         let mut missing = BTreeMap::new();
         for (key, a) in &wanted {
@@ -147,8 +150,9 @@ fn convbin_reads_the_observations_of_the_logs() {
             assert!(off(|o| o.pseudorange_m).abs() < code_m, "{format} {key:?} {a:?} {b:?}");
             assert!(off(|o| o.doppler_hz).abs() < hertz, "{format} {key:?} {a:?} {b:?}");
             assert!(off(|o| o.cn0_dbhz).abs() < cn0_db, "{format} {key:?} {a:?} {b:?}");
-            let whole = off(|o| o.phase_cycles).round();
-            let fraction = off(|o| o.phase_cycles) - whole;
+            let added = if format == "ubx" && key.1.is_beidou_geo() { 0.5 } else { 0.0 };
+            let apart = off(|o| o.phase_cycles) - added;
+            let (whole, fraction) = (apart.round(), apart - apart.round());
             assert!(fraction.abs() < cycles, "{format} {key:?} {a:?} {b:?}");
             let first = *missing.entry((key.1, key.2)).or_insert(whole);
             assert_eq!(whole, if format == "ubx" { 0.0 } else { first }, "{format} {key:?}");
