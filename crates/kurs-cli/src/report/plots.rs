@@ -385,17 +385,29 @@ fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     angles
 }
 
-/// Bands of one and three standard deviations of angle `k` around its values.
+/// Bands of one and three standard deviations of angle `k` around its values; without width where there
+/// are none for long.
 fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
-    let known =
-        || samples.iter().zip(angles).filter_map(|(sample, angle)| Some((sample, (*angle)?)));
-    let known_times: Vec<f64> = known().map(|(sample, _)| rounded(sample.elapsed_s)).collect();
+    let longest_s = longest_step_s(samples);
+    // Time, angle and standard deviation.
+    let mut known: Vec<(f64, f64, f64)> = Vec::new();
+    for (sample, angle) in samples.iter().zip(angles) {
+        let Some(angle) = *angle else { continue };
+        let now_s = rounded(sample.elapsed_s);
+        if let Some((before_s, before, _)) = known.last().copied()
+            && now_s - before_s > longest_s
+        {
+            known.extend([(before_s, before, 0.0), (now_s, angle, 0.0)]);
+        }
+        known.push((now_s, angle, sample.sd_deg[k]));
+    }
+    let times: Vec<f64> = known.iter().map(|(time_s, ..)| *time_s).collect();
     for (sigmas, name, colour) in [(3.0, "3 sigma", THREE_SIGMA), (1.0, "1 sigma", ONE_SIGMA)] {
         let edge = |sigmas: f64| -> Vec<f64> {
-            known().map(|(sample, angle)| rounded(angle + sigmas * sample.sd_deg[k])).collect()
+            known.iter().map(|(_, angle, sd)| rounded(angle + sigmas * sd)).collect()
         };
-        let lower = Scatter::new(known_times.clone(), edge(-sigmas)).show_legend(false);
-        let upper = Scatter::new(known_times.clone(), edge(sigmas)).name(name);
+        let lower = Scatter::new(times.clone(), edge(-sigmas)).show_legend(false);
+        let upper = Scatter::new(times.clone(), edge(sigmas)).name(name);
         let none = || Line::new().width(0.0).color(colour);
         plot.add_trace(lower.mode(Mode::Lines).line(none()));
         plot.add_trace(upper.mode(Mode::Lines).line(none()).fill(Fill::ToNextY).fill_color(colour));
@@ -404,12 +416,9 @@ fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
 
 /// A line that is broken where there are no values, and where there are no epochs for long.
 fn add_line(plot: &mut Plot, samples: &[Sample], values: &Curve, name: &str, line: Line) {
-    let steps = || samples.windows(2).map(|two| two[1].elapsed_s - two[0].elapsed_s);
-    let mut sorted: Vec<f64> = steps().collect();
-    sorted.sort_by(f64::total_cmp);
-    let longest_s = sorted.get(sorted.len() / 2).map_or(f64::INFINITY, |usual| LONG_GAP * usual);
+    let longest_s = longest_step_s(samples);
     let (mut times, mut broken) = (Vec::new(), Vec::new());
-    for ((sample, value), step_s) in samples.iter().zip(values).zip(steps().chain([0.0])) {
+    for ((sample, value), step_s) in samples.iter().zip(values).zip(steps_s(samples).chain([0.0])) {
         times.push(rounded(sample.elapsed_s));
         broken.push(*value);
         if step_s > longest_s {
@@ -419,6 +428,18 @@ fn add_line(plot: &mut Plot, samples: &[Sample], values: &Curve, name: &str, lin
     }
     let trace = Scatter::new(times, broken).mode(Mode::Lines).line(line).name(name);
     plot.add_trace(trace.connect_gaps(false));
+}
+
+/// Times from each epoch to the next.
+fn steps_s(samples: &[Sample]) -> impl Iterator<Item = f64> {
+    samples.windows(2).map(|two| two[1].elapsed_s - two[0].elapsed_s)
+}
+
+/// Where the next epoch is further than this, some are missing.
+fn longest_step_s(samples: &[Sample]) -> f64 {
+    let mut steps: Vec<f64> = steps_s(samples).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).map_or(f64::INFINITY, |usual| LONG_GAP * usual)
 }
 
 fn over_time(samples: &[Sample], title: &str) -> Plot {
