@@ -3,7 +3,7 @@
 use anyhow::bail;
 use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
-use kurs_formats::source::Source;
+use kurs_formats::source::{Source, can_be_read_again};
 
 use super::config::Loaded;
 use super::streams::{AntennaFiles, Streams};
@@ -21,8 +21,11 @@ pub(crate) struct Input {
 impl Input {
     /// Opens everything that the configuration names.
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
-        let (navigation, damage) = read_navigation(loaded)?;
+        let (mut navigation, damage) = read_navigation(loaded)?;
         let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
+        for (number, channel) in streams.glonass_channels() {
+            navigation.ephemerides.insert_glonass_channel(number, channel);
+        }
         Ok(Self { navigation, streams, damage })
     }
 }
@@ -35,7 +38,9 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
+        // What is read here is gone from a pipe.
         if !files.contains(&path)
+            && can_be_read_again(&path)
             && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
         {
             files.push(path);

@@ -138,10 +138,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let wall_s = progress.finish();
 
-    if summary.epochs() == 0 {
-        bail!("no epoch in any observation file ({})", streams.spans());
-    }
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    if summary.epochs() == 0 {
+        bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
+    }
     let file = summary.file(loaded.text(), &damage, wall_s);
     output::write_json(&args.out, "summary.json", &file)?;
     outputs.finish()?;
@@ -209,17 +209,15 @@ impl Outputs {
 
 /// What stands on the terminal at the end.
 fn closing(summary: &Summary, damage: &[Damage], out: &Path) -> String {
-    let mut text = summary.text();
-    if let Some(first) = damage.first() {
-        text += &format!(
-            "\n{} damaged places, first: {}:{}: {}",
-            damage.len(),
-            first.file,
-            first.line,
-            first.what
-        );
-    }
-    text + &format!("\nwritten to {}\n", out.display())
+    format!("{}{}\nwritten to {}\n", summary.text(), damaged(damage), out.display())
+}
+
+/// How much was damaged and where first, as a line of its own; nothing if nothing was.
+fn damaged(damage: &[Damage]) -> String {
+    damage.first().map_or_else(String::new, |first| {
+        let Damage { file, line, what } = first;
+        format!("\n{} damaged places, first: {file}:{line}: {what}", damage.len())
+    })
 }
 
 /// Why not a single row has a solution.
