@@ -7,6 +7,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
+use kurs::signal::Satellite;
 use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
@@ -33,7 +34,10 @@ pub(super) fn file_name(antenna: &str, format: ObservationFormat) -> String {
 const STATION: u16 = 1;
 
 /// All files of one antenna.
-pub(super) struct ObservationFiles(Vec<Writer>);
+pub(super) struct ObservationFiles {
+    antenna: String,
+    writers: Vec<Writer>,
+}
 
 enum Writer {
     Rinex(Box<ObservationWriter<Text>>),
@@ -73,11 +77,12 @@ impl ObservationFiles {
             };
             Ok(Writer::Rinex(Box::new(ObservationWriter::new(text, header)?)))
         };
-        formats.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
+        let writers = formats.iter().map(open).collect::<anyhow::Result<_>>()?;
+        Ok(Self { antenna: antenna.to_owned(), writers })
     }
 
     pub(super) fn write(&mut self, epoch: &AntennaEpoch) -> io::Result<()> {
-        self.0.iter_mut().try_for_each(|writer| match writer {
+        self.writers.iter_mut().try_for_each(|writer| match writer {
             Writer::Rinex(rinex) => rinex.write(epoch),
             Writer::Ubx(ubx) => ubx.write(epoch),
             Writer::Rtcm3(rtcm) => rtcm.write(epoch),
@@ -85,8 +90,23 @@ impl ObservationFiles {
         })
     }
 
+    /// Which satellites' ephemerides a log has no room for, in words; one for each log.
+    pub(super) fn left_out(&self) -> impl Iterator<Item = String> {
+        self.writers.iter().filter_map(|writer| {
+            let (format, satellites) = match writer {
+                Writer::Rinex(_) => return None,
+                Writer::Ubx(ubx) => (ObservationFormat::Ubx, ubx.left_out()),
+                Writer::Rtcm3(rtcm) => (ObservationFormat::Rtcm3, rtcm.left_out()),
+                Writer::Sbf(sbf) => (ObservationFormat::Sbf, sbf.left_out()),
+            };
+            let names: Vec<String> = satellites.iter().map(Satellite::to_string).collect();
+            let file = file_name(&self.antenna, format);
+            (!names.is_empty()).then(|| format!("{file}: no ephemerides of {}", names.join(" ")))
+        })
+    }
+
     pub(super) fn finish(self) -> anyhow::Result<()> {
-        self.0.into_iter().try_for_each(|writer| match writer {
+        self.writers.into_iter().try_for_each(|writer| match writer {
             Writer::Rinex(rinex) => rinex.finish()?.finish(),
             Writer::Ubx(ubx) => ubx.finish().finish(),
             Writer::Rtcm3(rtcm) => rtcm.finish().finish(),
