@@ -111,12 +111,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
-    let Input { navigation, mut streams, mut damage } = Input::open(&loaded)?;
+    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(&loaded)?;
+    if !args.quiet {
+        phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
     let mut review = Review::new(args, &loaded, &navigation)?;
-    let mounts = phase_centers::read(&loaded, &mut damage)?;
     let mut engine = Engine::new(settings, navigation)
         .map_err(|e| UsageError(e.to_string()))?
-        .with_phase_centers(mounts);
+        .with_phase_centers(phase_centers.mounts);
     if let Some(station) = &loaded.config.station {
         let [x, y, z] = station.position_ecef_m;
         engine = engine
