@@ -1,11 +1,14 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
 mod channel_bias;
+mod code_free;
 mod fix;
 mod locate;
 mod misfit;
 mod noise_scale;
 mod orientation;
+mod partial;
+mod search;
 mod settings;
 mod station;
 
@@ -30,6 +33,7 @@ use channel_bias::ChannelBiases;
 use fix::{Fixer, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
+use partial::Part;
 use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
@@ -115,19 +119,8 @@ impl Engine {
         if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
             station.improve(epoch, observed, &mut row);
         }
-        let alone = row.clone();
-        if let Err(reason) = self.relative(epoch, &mut row, false) {
+        if let Err(reason) = self.relative(epoch, &mut row) {
             row.reason = Some(reason);
-        }
-        // What unlike receivers have a bias for can be what spoils the fix. (Ambiguities that are carried
-        // on must take each epoch in once only.)
-        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
-        if row.status != Status::Fixed && self.carried.is_none() && may_be_unlike {
-            let mut without = alone;
-            let done = self.relative(epoch, &mut without, true);
-            if done.is_ok() && without.status == Status::Fixed {
-                return without;
-            }
         }
         row
     }
@@ -187,16 +180,10 @@ impl Engine {
         })
     }
 
-    /// Differences, float solution, integers, baselines, attitude; without the phases that unlike
-    /// receivers have unknown biases for, if they are to be left out.
-    fn relative(
-        &mut self,
-        epoch: &ArrayEpoch,
-        row: &mut EpochSolution,
-        leave_out_unknown: bool,
-    ) -> Result<(), Reason> {
+    /// Differences, float solution, integers, baselines, attitude.
+    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
         self.fixer.begin(epoch.time);
-        let (frame, mut groups, float) = self.float(epoch, row, leave_out_unknown)?;
+        let (frame, mut groups, float) = self.float(epoch, row)?;
         let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
         let rate = self.settings.max_wrong_fix_rate;
@@ -204,12 +191,9 @@ impl Engine {
         if anew {
             outcome.verdict = outcome.verdict.after_many_slips();
         }
-        if outcome.verdict.is_spoilt() {
-            let part = self.fixer.fix_without_one_system(&self.links, &frame, &self.settings);
-            if let Some(part) = part {
-                (self.links, groups) = (part.links, part.groups);
-                (float, outcome) = (part.float, part.outcome);
-            }
+        if let Some(part) = self.fix_without_a_suspect(outcome.verdict, &float, &frame) {
+            (self.links, groups) = (part.links, part.groups);
+            (float, outcome) = (part.float, part.outcome);
         }
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
@@ -253,12 +237,11 @@ impl Engine {
         &mut self,
         epoch: &ArrayEpoch,
         row: &mut EpochSolution,
-        leave_out_unknown: bool,
     ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
         loop {
             let frame = locate::common_frame(&self.located)?;
             self.form_links(epoch, &frame);
-            self.take_out_unlike(frame.reference, leave_out_unknown);
+            self.take_out_channel_biases(frame.reference);
             self.align_phases();
             let groups = difference::group(&mut self.links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
@@ -279,24 +262,31 @@ impl Engine {
         }
     }
 
-    /// Whether geostationary satellites of BeiDou take part: some receivers have their phases a part
-    /// of a cycle off those of the others, for their messages are modulated in another way.
-    fn any_geostationary(&self) -> bool {
-        self.links.iter().any(|link| link.satellite.is_beidou_geo() && link.phase_m.is_some())
+    /// Integers of the epoch without something that may spoil them, if they are not accepted.
+    fn fix_without_a_suspect(
+        &mut self,
+        verdict: Verdict,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<Part> {
+        let Self { fixer, channel_biases, links, settings, .. } = self;
+        // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
+        // those of the others: their messages are modulated in another way.
+        let is_unlike = |link: &Link| {
+            let is_geostationary = link.satellite.is_beidou_geo();
+            link.phase_m.is_some() && (is_geostationary || channel_biases.is_unknown(link))
+        };
+        fixer.fix_without_a_suspect(verdict, float, links, is_unlike, frame, settings)
     }
 
     /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be
     /// a cycle slip to what is carried on.
-    fn take_out_unlike(&mut self, reference: usize, leave_out_unknown: bool) {
-        if leave_out_unknown {
-            let geostationary = self.links.iter_mut().filter(|l| l.satellite.is_beidou_geo());
-            geostationary.for_each(|link| link.phase_m = None);
-        }
+    fn take_out_channel_biases(&mut self, reference: usize) {
         if self.settings.ambiguities == Ambiguities::Instantaneous {
             let ephemerides = &self.navigation.ephemerides;
             let channel = |satellite| ephemerides.glonass_channel(satellite);
             let (links, noise) = (&mut self.links, &self.settings.noise);
-            self.channel_biases.apply(links, reference, noise, channel, leave_out_unknown);
+            self.channel_biases.apply(links, reference, noise, channel);
         }
     }
 
