@@ -556,6 +556,11 @@ impl Loaded {
                 name(*first),
                 name(*second)
             ),
+            ArrayError::FarApart { first, second, distance_m } => format!(
+                "antennas `{}` and `{}` are {distance_m:.0} m apart: `position_m` is in metres on one body",
+                name(*first),
+                name(*second)
+            ),
             ArrayError::NotFinite { antenna } => {
                 format!("`position_m` of antenna `{}` is not a finite number", name(*antenna))
             }
