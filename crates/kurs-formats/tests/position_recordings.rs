@@ -30,7 +30,7 @@ const MOSAIC: Recording = Recording {
 };
 const ESBC: Recording = Recording {
     observations: "formats/ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz",
-    place_m: [3_582_105.291, 532_589.7313, 5_232_754.8054],
+    place_m: [3_582_105.291, 532_589.731_3, 5_232_754.805_4],
     stride: 20,
 };
 const BROADCAST: &str = "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz";

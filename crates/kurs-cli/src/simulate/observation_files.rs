@@ -60,10 +60,12 @@ impl ObservationFiles {
             let packed = |file| GzEncoder::new(file, Compression::default());
             let text = match format {
                 ObservationFormat::Rinex => Text::Plain(file),
-                ObservationFormat::RinexGzip => Text::Packed(packed(file)),
-                ObservationFormat::Crinex => Text::Compact(CompactWriter::new(file, header.first)?),
+                ObservationFormat::RinexGzip => Text::Packed(Box::new(packed(file))),
+                ObservationFormat::Crinex => {
+                    Text::Compact(Box::new(CompactWriter::new(file, header.first)?))
+                }
                 ObservationFormat::CrinexGzip => {
-                    Text::CompactPacked(CompactWriter::new(packed(file), header.first)?)
+                    Text::CompactPacked(Box::new(CompactWriter::new(packed(file), header.first)?))
                 }
                 ObservationFormat::Ubx => return Ok(Writer::Ubx(UbxWriter::new(file, navigation))),
                 ObservationFormat::Rtcm3 => {
@@ -118,9 +120,9 @@ impl ObservationFiles {
 /// Where the text of a RINEX file goes.
 enum Text {
     Plain(OutputFile),
-    Packed(GzEncoder<OutputFile>),
-    Compact(CompactWriter<OutputFile>),
-    CompactPacked(CompactWriter<GzEncoder<OutputFile>>),
+    Packed(Box<GzEncoder<OutputFile>>),
+    Compact(Box<CompactWriter<OutputFile>>),
+    CompactPacked(Box<CompactWriter<GzEncoder<OutputFile>>>),
 }
 
 impl Text {
@@ -137,9 +139,9 @@ impl Text {
     fn writer(&mut self) -> &mut dyn Write {
         match self {
             Self::Plain(file) => file,
-            Self::Packed(packed) => packed,
-            Self::Compact(compact) => compact,
-            Self::CompactPacked(compact) => compact,
+            Self::Packed(packed) => packed.as_mut(),
+            Self::Compact(compact) => compact.as_mut(),
+            Self::CompactPacked(compact) => compact.as_mut(),
         }
     }
 }
