@@ -76,8 +76,7 @@ impl AntennaArray {
     ///
     /// # Errors
     ///
-    /// [`ArrayError`] for fewer than two antennas, two at one place or [`MAX_SEPARATION_M`] apart, or
-    /// numbers that are not finite.
+    /// [`ArrayError`] for fewer than two antennas, two at one place, or numbers that are not finite.
     pub fn new(positions_m: Vec<Vector<Body>>) -> Result<Self, ArrayError> {
         if positions_m.len() < 2 {
             return Err(ArrayError::TooFew { found: positions_m.len() });
@@ -91,12 +90,26 @@ impl AntennaArray {
                 if distance_m < MIN_SEPARATION_M {
                     return Err(ArrayError::Coincident { first, second, distance_m });
                 }
+            }
+        }
+        Ok(Self { positions_m })
+    }
+
+    /// Whether the antennas can be on one body.
+    ///
+    /// # Errors
+    ///
+    /// [`ArrayError::FarApart`] for two that are more than [`MAX_SEPARATION_M`] apart.
+    pub fn check_extent(&self) -> Result<(), ArrayError> {
+        for (first, a) in self.positions_m.iter().enumerate() {
+            for (second, b) in self.positions_m.iter().enumerate().skip(first + 1) {
+                let distance_m = (*b - *a).norm();
                 if distance_m > MAX_SEPARATION_M {
                     return Err(ArrayError::FarApart { first, second, distance_m });
                 }
             }
         }
-        Ok(Self { positions_m })
+        Ok(())
     }
 
     /// Number of antennas, at least two.
@@ -169,8 +182,9 @@ mod tests {
         let same = array(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 0.001]]);
         assert!(matches!(same, Err(ArrayError::Coincident { first: 1, second: 2, .. })));
         for far_m in [1.1e5, 1e300, f64::MAX] {
-            let far = array(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, far_m, 0.0]]);
-            assert!(matches!(far, Err(ArrayError::FarApart { first: 0, second: 2, .. })));
+            let far = array(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, far_m, 0.0]]).unwrap();
+            let refused = far.check_extent();
+            assert!(matches!(refused, Err(ArrayError::FarApart { first: 0, second: 2, .. })));
         }
         let nan = array(&[[0.0; 3], [f64::NAN, 0.0, 0.0]]);
         assert_eq!(nan, Err(ArrayError::NotFinite { antenna: 1 }));
