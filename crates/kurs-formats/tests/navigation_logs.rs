@@ -186,7 +186,7 @@ fn ephemerides_of_a_log_are_those_that_were_written() {
 /// F/NAV: message 1045, pages of E5a in UBX and SBF, decoded blocks.
 #[test]
 fn galileo_fnav_in_logs() {
-    let Some(all) = broadcast_of(|e| is_fnav(e)) else { return };
+    let Some(all) = broadcast_of(is_fnav) else { return };
     let mut data = NavigationData::default();
     all.ephemerides.iter().filter(|e| is_fnav(e)).for_each(|e| data.ephemerides.insert(*e));
     let wanted = BTreeMap::from([(System::Galileo, data.ephemerides.len())]);
