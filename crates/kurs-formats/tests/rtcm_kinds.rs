@@ -1,6 +1,6 @@
 //! Multiple signal messages of the kinds that no writer of ours makes: MSM 4, 5 and 6, put together
 //! here bit by bit as tables 3.5-78 to 3.5-87 of RTCM 10403.3 list them, beside MSM 7.
-#![allow(clippy::unwrap_used)] // a test
+#![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // a test, of small numbers
 
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
