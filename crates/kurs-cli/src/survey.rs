@@ -38,8 +38,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = config::load(Some(&args.config), &overrides)?;
     let settings = Settings { array: None, constraint: Constraint::None, ..loaded.settings()? };
     let names = antenna_names(&loaded);
-    let Input { navigation, mut streams, .. } = Input::open(&loaded)?;
-    let mut engine = Engine::new(settings, navigation)?;
+    let Input { navigation, mut streams, phase_centers, .. } = Input::open(&loaded)?;
+    let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
     let mut survey = Survey::new(names.len());
     let mut progress = Progress::start(args.quiet);

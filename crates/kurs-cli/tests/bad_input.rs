@@ -116,6 +116,28 @@ fn unusable_files_exit_1_and_are_named() {
     }
 }
 
+/// Where no epoch can be read, the reason is more than that there is none.
+#[test]
+fn damage_that_leaves_no_epoch_is_named() {
+    let folder = Folder::new();
+    folder.write("broken.obs", observations(8, 1).replace("> 2024 06 24", "> 2024 99 24"));
+    let both = ["--antenna", "A={}/broken.obs", "--antenna", "B={}/broken.obs"];
+    let (status, said) = folder.solve(&[&both[..], &["--nav", "{}/good.nav"]].concat());
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("no epoch in any observation file"), "{said}");
+    assert!(said.contains("broken.obs:5: not an epoch line"), "{said}");
+}
+
+/// Antennas that lie where no body reaches would make a search without bounds.
+#[test]
+fn antennas_as_far_apart_as_planets_are_refused() {
+    let folder = Folder::new();
+    let both = ["--antenna", "A={}/a.obs@0,0,0", "--antenna", "B={}/b.obs@9e9,0,0"];
+    let (status, said) = folder.solve(&[&both[..], &["--nav", "{}/good.nav"]].concat());
+    assert_eq!(status, 2, "{said}");
+    assert!(said.contains("`A` and `B` are 9000000000 m apart"), "{said}");
+}
+
 #[test]
 fn data_that_do_not_belong_together_exit_1_with_rows_that_say_so() {
     let folder = Folder::new();

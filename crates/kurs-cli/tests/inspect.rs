@@ -141,6 +141,21 @@ fn unusable_files_are_named() {
     assert_eq!(inspect(&[]).0, 2);
 }
 
+/// What can be read only once is refused: it would be read for the sky first.
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused() {
+    let output = Command::cargo_bin("kurs")
+        .unwrap()
+        .args(["inspect", "/dev/stdin"])
+        .write_stdin(fs::read(file("observation/mixed_3.rnx")).unwrap())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("/dev/stdin: found a pipe, expected a file"), "{said}");
+}
+
 #[test]
 fn json_goes_to_a_file_and_never_over_an_input() {
     let folder = tempfile::tempdir().unwrap();

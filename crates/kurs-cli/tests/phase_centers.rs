@@ -114,14 +114,37 @@ fn a_baseline_between_unlike_antennas_moves_by_the_tabulated_offsets() {
     assert!((reference_points_m[2] - phase_centers_m[2] - 0.040).abs() < 0.001);
 }
 
+/// Which calibration serves (here that without the radome), and for which bands.
+#[test]
+fn what_serves_is_told() {
+    let Some(folder) = data() else { return };
+    let out = tempfile::tempdir().unwrap();
+    let out = out.path();
+    fs::write(out.join("a.atx"), antex(&[("CHOKE           NONE", [0.0; 3])])).unwrap();
+    solve(&folder, out, ["", "antenna_type = \"CHOKE SCIS\""], true);
+    let output = Command::cargo_bin("kurs")
+        .unwrap()
+        .current_dir(out)
+        .args(["solve", "c.toml", "--set", "bands=[G1]", "--out", "out"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let expected =
+        "note: antenna B: calibration of \"CHOKE           NONE\", bands G1 G2; other bands";
+    assert!(said.contains(expected), "{said}");
+}
+
 #[test]
 fn wrong_keys_are_named() {
     let Some(folder) = data() else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
-    fs::write(out.join("a.atx"), antex(&[("CHOKE           NONE", [0.0; 3])])).unwrap();
+    // A number that is too wide for its columns makes a band unusable.
+    let types = [("CHOKE           NONE", [0.0; 3]), ("BROKEN          NONE", [1e9; 3])];
+    fs::write(out.join("a.atx"), antex(&types)).unwrap();
     for (key, antex, expected) in [
         ("antenna_type = \"CHOKE\"", false, "give `[antex] files`"),
+        ("antenna_type = \"BROKEN\"", true, "no usable band"),
         ("antenna_type = \"CHOQUE\"", true, "the nearest is \"CHOKE"),
         ("antenna_orientation_deg = 10.0", true, "without `antenna_type`"),
         ("antenna_type = \"CHOKE\"\nantenna_orientation_deg = 1000.0", true, "-360 to 360"),

@@ -18,7 +18,8 @@ const LINE_VALUES_MAX: usize = 1000;
 /// Pattern values of a band that are admitted, likewise.
 const TABLE_VALUES_MAX: usize = 1_000_000;
 
-/// Reads an ANTEX file; a damaged band is noted and left out, the others are kept.
+/// Reads an ANTEX file; a damaged band is noted and left out, the others are kept. Of several
+/// entries of one type that without a serial number counts (the mean of the type), else the first.
 ///
 /// # Errors
 ///
@@ -37,6 +38,7 @@ pub fn read(source: &mut Source) -> Result<(AntennaCalibrations, DamageLog), Rea
             b"START OF ANTENNA" => antenna = Antenna::default(),
             b"TYPE / SERIAL NO" => {
                 antenna.name = text(line, 0..20);
+                antenna.is_individual = !columns(line, 20..40).trim_ascii().is_empty();
                 antenna.is_of_satellite = !columns(line, 40..50).trim_ascii().is_empty();
             }
             b"DAZI" => antenna.azimuth_step_deg = decimal(columns(line, 2..8)),
@@ -50,7 +52,8 @@ pub fn read(source: &mut Source) -> Result<(AntennaCalibrations, DamageLog), Rea
             }
             b"END OF ANTENNA" => {
                 let antenna = core::mem::take(&mut antenna);
-                if !antenna.is_of_satellite && !antenna.name.is_empty() {
+                let is_known = antenna.is_individual && antennas.contains(&antenna.name);
+                if !antenna.is_of_satellite && !antenna.name.is_empty() && !is_known {
                     antennas.insert(&antenna.name, antenna.calibration);
                 }
             }
@@ -74,6 +77,8 @@ pub fn read(source: &mut Source) -> Result<(AntennaCalibrations, DamageLog), Rea
 struct Antenna {
     name: String,
     is_of_satellite: bool,
+    /// Measured of one antenna, not the mean of its type.
+    is_individual: bool,
     azimuth_step_deg: Option<f64>,
     zenith: Option<Axis>,
     band: Option<Pattern>,
@@ -233,6 +238,30 @@ mod tests {
         let expected = -(0.002 * elevation.cos() + 0.060 * elevation.sin()) - 0.001;
         let found = antenna.correction_m(g1, azimuth, elevation).unwrap();
         assert!((found - expected).abs() < 1e-15, "{found}");
+    }
+
+    #[test]
+    fn the_mean_of_a_type_counts_before_single_antennas() {
+        let mean = file();
+        let antenna = &mean[mean.rfind("START OF ANTENNA").unwrap() - 60..];
+        let single = |serial: &str, up: &str| {
+            let named = antenna
+                .replace("TESTANT_A       NONE    ", &format!("TESTANT_A       NONE{serial}"));
+            named.replacen("     60.00", up, 1)
+        };
+        let [first, second] = [single("0001", "     70.00"), single("0002", "     80.00")];
+        let header = mean[..mean.find("START OF ANTENNA").unwrap() - 60].to_owned();
+        for (antennas, up_m) in [
+            ([antenna, &first, &second], 0.060),
+            ([&first, antenna, &second], 0.060),
+            ([&first, &second, &second], 0.070),
+        ] {
+            let (antennas, damage) = read_text(&(header.clone() + &antennas.concat()));
+            assert_eq!((antennas.len(), damage.total()), (1, 0));
+            let found = antennas.find("TESTANT_A").unwrap();
+            let center = found.phase_center(Band::new(System::Gps, 1)).unwrap();
+            assert_eq!(center.offset_m()[2], up_m);
+        }
     }
 
     #[test]

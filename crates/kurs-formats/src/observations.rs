@@ -13,7 +13,7 @@ use crate::damage::Damage;
 use crate::logs::frames::Protocol;
 use crate::logs::{self, LogOptions, LogReader};
 use crate::rinex::observation::{EventLog, ObservationHeader, ObservationReader};
-use crate::source::{ReadError, Source};
+use crate::source::{ReadError, Source, can_be_read_again};
 
 /// What the errors call a readable file.
 const EXPECTED: &str = "observations: RINEX 2, 3 or 4, plain, compact (CRINEX) or packed with gzip; \
@@ -39,12 +39,16 @@ impl ObservationSource {
     }
 
     /// As [`ObservationSource::open`], with what a log does not say by itself. An RTCM 3 log may be
-    /// read twice: the date may come late in it.
+    /// read twice: the date may come late in it. What is no file (a pipe) is read once, as by
+    /// [`ObservationSource::from_source_with`].
     ///
     /// # Errors
     ///
     /// As [`ObservationSource::open`].
     pub fn open_with(path: impl AsRef<Path>, options: &LogOptions) -> Result<Self, ReadError> {
+        if !can_be_read_again(&path) {
+            return Self::from_source_with(Source::open(path)?, options);
+        }
         Self::with_date(Source::open(&path)?, options, |_| {
             logs::navigation::date(&mut Source::open(path)?)
         })

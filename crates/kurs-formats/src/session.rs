@@ -1,6 +1,6 @@
-//! Several files of one antenna in time order, read as if they were one.
+//! Several files of one antenna, read in time order as if they were one.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use kurs::observation::AntennaEpoch;
@@ -9,17 +9,21 @@ use kurs::time::GpsTime;
 use crate::damage::Damage;
 use crate::logs::LogOptions;
 use crate::observations::ObservationSource;
-use crate::source::ReadError;
+use crate::source::{ReadError, can_be_read_again};
 
 /// Reads the epochs of one file after the other.
 ///
-/// Each file has its own header, which is in force for its epochs. Epochs of a file that are not
-/// later than what came before are skipped, and noted in the damage of that file.
+/// The files are read in the order of their first epochs, whatever the order in which they are given
+/// (pipes, which can be read only once, as they are given). Each has its own header, which is in
+/// force for its epochs. Epochs of a file that are not later than what came before are skipped, and
+/// noted in the damage of that file.
 #[derive(Debug)]
 pub struct SessionReader {
     current: ObservationSource,
     waiting: VecDeque<PathBuf>,
     options: LogOptions,
+    /// Of all files that were looked into.
+    glonass_channels: BTreeMap<u8, i8>,
     last: Option<GpsTime>,
     /// Epochs of the current file that are not later than the files before.
     overlapping: u64,
@@ -38,7 +42,8 @@ pub struct FileDamage {
 }
 
 impl SessionReader {
-    /// Opens the files; every one is opened once now, so that a wrong one is found before the work.
+    /// Opens the files; of several every one is read up to its first epoch, so that a wrong one is
+    /// found before the work.
     ///
     /// # Errors
     ///
@@ -56,15 +61,24 @@ impl SessionReader {
         paths: impl IntoIterator<Item = P>,
         options: LogOptions,
     ) -> Result<Self, ReadError> {
-        let mut paths = paths.into_iter();
-        let first = paths.next().ok_or(ReadError::NoFile)?;
-        let current = ObservationSource::open_with(first, &options)?;
-        let waiting: VecDeque<PathBuf> = paths.map(|path| path.as_ref().to_owned()).collect();
-        for path in &waiting {
-            ObservationSource::open_with(path, &options)?;
-        }
-        let (damage, damage_count) = (Vec::new(), 0);
-        Ok(Self { current, waiting, options, last: None, overlapping: 0, damage, damage_count })
+        let paths: Vec<PathBuf> = paths.into_iter().map(|path| path.as_ref().to_owned()).collect();
+        let mut glonass_channels = BTreeMap::new();
+        let mut waiting = if paths.len() > 1 && paths.iter().all(can_be_read_again) {
+            in_time_order(paths, &options, &mut glonass_channels)?
+        } else {
+            VecDeque::from(paths)
+        };
+        let first = waiting.pop_front().ok_or(ReadError::NoFile)?;
+        Ok(Self {
+            current: ObservationSource::open_with(first, &options)?,
+            waiting,
+            options,
+            glonass_channels,
+            last: None,
+            overlapping: 0,
+            damage: Vec::new(),
+            damage_count: 0,
+        })
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the last file.
@@ -100,6 +114,15 @@ impl SessionReader {
         }
     }
 
+    /// GLONASS frequency channel of each orbital slot, as far as the headers of all files and the
+    /// messages so far tell.
+    #[must_use]
+    pub fn glonass_channels(&self) -> BTreeMap<u8, i8> {
+        let mut channels = self.glonass_channels.clone();
+        channels.extend(self.current.glonass_channels());
+        channels
+    }
+
     /// The file that is being read.
     #[must_use]
     pub const fn current(&self) -> &ObservationSource {
@@ -120,4 +143,22 @@ impl SessionReader {
     pub const fn damage_count(&self) -> u64 {
         self.damage_count + self.current.damage_count()
     }
+}
+
+/// The files by the time of their first epochs (those without any come first).
+fn in_time_order(
+    paths: Vec<PathBuf>,
+    options: &LogOptions,
+    glonass_channels: &mut BTreeMap<u8, i8>,
+) -> Result<VecDeque<PathBuf>, ReadError> {
+    let mut dated = Vec::with_capacity(paths.len());
+    for path in paths {
+        let mut source = ObservationSource::open_with(&path, options)?;
+        let mut epoch = AntennaEpoch::default();
+        let first = source.next_epoch(&mut epoch)?.then_some(epoch.time);
+        glonass_channels.extend(source.glonass_channels());
+        dated.push((first, path));
+    }
+    dated.sort_by_key(|(first, _)| *first);
+    Ok(dated.into_iter().map(|(_, path)| path).collect())
 }

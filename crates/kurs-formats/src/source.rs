@@ -69,6 +69,13 @@ pub struct Source {
     line_held: bool,
 }
 
+/// Whether a file can be opened again and gives the same bytes: a pipe or a terminal does not.
+#[must_use]
+pub fn can_be_read_again(path: impl AsRef<Path>) -> bool {
+    // What is not there is told of where it is opened.
+    std::fs::metadata(path).map_or(true, |data| data.is_file() || data.is_dir())
+}
+
 impl core::fmt::Debug for Source {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Source").field("name", &self.name).field("line", &self.line_number).finish()

@@ -1,11 +1,11 @@
 //! Ephemerides in receiver logs: written, read back, and read by `convbin` of RTKLIB.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::ephemeris::{Ephemeris, GlonassElements, GlonassEphemeris, Message, NavigationData};
 use kurs::frames::Vector;
 use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::{Satellite, Signal, System};
@@ -18,6 +18,15 @@ use kurs_formats::ubx::UbxWriter;
 
 /// Broadcast ephemerides of every system around 2023-03-12 12:00, one for each satellite.
 fn broadcast() -> Option<NavigationData> {
+    broadcast_of(|e| !is_fnav(e))
+}
+
+fn is_fnav(e: &Ephemeris) -> bool {
+    matches!(e, Ephemeris::Kepler(k) if k.elements().message == Message::GalileoFnav)
+}
+
+/// Those of the wanted messages.
+fn broadcast_of(wanted: impl Fn(&Ephemeris) -> bool) -> Option<NavigationData> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let data = std::env::var_os("KURS_DATA").map_or(default, PathBuf::from);
     let file = data.join("formats/BRD400DLR_S_20230710000_01D_MN.rnx.gz");
@@ -34,9 +43,8 @@ fn broadcast() -> Option<NavigationData> {
         .iter()
         .filter(|e| e.interval_of_use_s().contains(&(noon() - e.reference_time())))
     {
-        let is_fnav = matches!(e, Ephemeris::Kepler(k) if k.elements().message == kurs::ephemeris::Message::GalileoFnav);
         let known = nearest.get(&e.satellite());
-        if !is_fnav && known.is_none_or(|known| away(known) > away(e)) {
+        if wanted(e) && known.is_none_or(|known| away(known) > away(e)) {
             nearest.insert(e.satellite(), *e);
         }
     }
@@ -173,6 +181,60 @@ fn ephemerides_of_a_log_are_those_that_were_written() {
             compare(&theirs, &data, &format!("convbin {format}"))
         );
     }
+}
+
+/// F/NAV: message 1045, pages of E5a in UBX and SBF, decoded blocks.
+#[test]
+fn galileo_fnav_in_logs() {
+    let Some(all) = broadcast_of(is_fnav) else { return };
+    let mut data = NavigationData::default();
+    all.ephemerides.iter().filter(|e| is_fnav(e)).for_each(|e| data.ephemerides.insert(*e));
+    let wanted = BTreeMap::from([(System::Galileo, data.ephemerides.len())]);
+    assert!(data.ephemerides.len() > 15, "{wanted:?}");
+    for (format, bytes) in logs(&data) {
+        let mut found = NavigationData::default();
+        let mut source = Source::new(std::io::Cursor::new(bytes), "log").unwrap();
+        let summary = navigation::read(&mut source, &mut found).unwrap();
+        assert_eq!(summary.damage.listed(), [], "{format}");
+        assert_eq!(compare(&found, &data, format), wanted, "{format}");
+        assert!(found.ephemerides.iter().all(is_fnav), "{format}");
+    }
+}
+
+/// The messages of GLONASS count the reference time in quarters of an hour.
+#[test]
+fn what_a_message_has_no_room_for_is_told() {
+    let reference_time = noon() + 18.0;
+    let elements = |number, late_s| GlonassElements {
+        satellite: Satellite::new(System::Glonass, number),
+        reference_time: reference_time + late_s,
+        transmission_time: reference_time,
+        clock_bias_s: 0.0,
+        clock_drift: 0.0,
+        position_m: Vector::new(2.5e7, 0.0, 0.0),
+        velocity_mps: Vector::new(0.0, 3000.0, 0.0),
+        acceleration_mps2: Vector::new(0.0, 0.0, 0.0),
+        channel: 1,
+        l2_delay_s: None,
+        health: 0,
+        accuracy_m: 5.0,
+    };
+    let mut data = NavigationData::default();
+    for (number, late_s) in [(1, 0.0), (2, 60.0)] {
+        let ephemeris = GlonassEphemeris::new(elements(number, late_s)).unwrap();
+        data.ephemerides.insert(Ephemeris::Glonass(ephemeris));
+    }
+    let epoch = epoch(&data, noon());
+    let mut ubx = UbxWriter::new(Vec::new(), &data);
+    let mut rtcm = Rtcm3Writer::new(Vec::new(), 1, Vector::new(3.8e6, 6e5, 5e6), &data);
+    let mut sbf = SbfWriter::new(Vec::new(), &data);
+    ubx.write(&epoch).unwrap();
+    rtcm.write(&epoch).unwrap();
+    sbf.write(&[&epoch]).unwrap();
+    let r02 = BTreeSet::from([Satellite::new(System::Glonass, 2)]);
+    assert_eq!([ubx.left_out(), rtcm.left_out()], [&r02; 2]);
+    // The block of SBF counts minutes.
+    assert_eq!(sbf.left_out(), &BTreeSet::new());
 }
 
 /// What `convbin` makes of a log, but for what it is known to do wrong.

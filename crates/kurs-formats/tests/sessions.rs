@@ -40,6 +40,36 @@ fn overlap_is_skipped_and_noted() {
 }
 
 #[test]
+fn files_are_read_in_the_order_of_their_times() {
+    let (_, in_order) = read(&["mixed_2.obs", "mixed_3.crx"]);
+    let (session, epochs) = read(&["mixed_3.crx", "mixed_2.obs"]);
+    assert_eq!(epochs, in_order);
+    assert_eq!(session.damage_count(), 0);
+    // What the header of a file tells stays known behind it.
+    assert_eq!(session.glonass_channels().get(&2), Some(&-4));
+}
+
+/// A pipe is read once, from its start to its end.
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_read_like_a_file() {
+    use std::os::fd::AsRawFd;
+    let (_, of_file) = read(&["mixed_3.rnx"]);
+    let (output, mut input) = std::io::pipe().unwrap();
+    let bytes = std::fs::read(file("mixed_3.rnx")).unwrap();
+    let writer = std::thread::spawn(move || std::io::Write::write_all(&mut input, &bytes));
+    let path = format!("/dev/fd/{}", output.as_raw_fd());
+    let mut session = SessionReader::open([path]).unwrap();
+    let (mut count, mut epoch) = (0, AntennaEpoch::default());
+    while session.next_epoch(&mut epoch).unwrap() {
+        assert_eq!(epoch, of_file[count]);
+        count += 1;
+    }
+    assert_eq!(count, of_file.len());
+    writer.join().unwrap().unwrap();
+}
+
+#[test]
 fn a_wrong_file_is_found_before_the_work() {
     let error = SessionReader::open([file("mixed_3.rnx"), file("README.md")]).unwrap_err();
     assert!(error.to_string().contains("README.md: found text"), "{error}");

@@ -268,16 +268,28 @@ impl AntennaCalibrations {
     /// the IGS does.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<&AntennaCalibration> {
+        self.find_named(name).map(|(_, calibration)| calibration)
+    }
+
+    /// [`AntennaCalibrations::find`], with the name of the calibration that serves.
+    #[must_use]
+    pub fn find_named(&self, name: &str) -> Option<(String, &AntennaCalibration)> {
         let (antenna, radome) = type_and_radome(name);
-        let with_radome = self.types.get(&(antenna.clone(), radome));
-        with_radome.or_else(|| self.types.get(&(antenna, NO_RADOME.to_owned())))
+        let with_radome = self.types.get_key_value(&(antenna.clone(), radome));
+        let found =
+            with_radome.or_else(|| self.types.get_key_value(&(antenna, NO_RADOME.to_owned())));
+        found.map(|(key, calibration)| (igs_name(key), calibration))
+    }
+
+    /// Whether there is this type with just this radome.
+    #[must_use]
+    pub fn contains(&self, name: &str) -> bool {
+        self.types.contains_key(&type_and_radome(name))
     }
 
     /// Every type with its radome, in the order of their names.
     pub fn iter(&self) -> impl Iterator<Item = (String, &AntennaCalibration)> {
-        self.types
-            .iter()
-            .map(|((antenna, radome), calibration)| (format!("{antenna:<16}{radome}"), calibration))
+        self.types.iter().map(|(key, calibration)| (igs_name(key), calibration))
     }
 
     /// Number of antenna types.
@@ -294,6 +306,10 @@ impl AntennaCalibrations {
 }
 
 const NO_RADOME: &str = "NONE";
+
+fn igs_name((antenna, radome): &(String, String)) -> String {
+    format!("{antenna:<16}{radome}")
+}
 
 fn type_and_radome(name: &str) -> (String, String) {
     let mut words = name.split_ascii_whitespace();
@@ -409,6 +425,9 @@ mod tests {
         assert_eq!(all.find("trm59800.00"), Some(&bare));
         assert_eq!(all.find("TRM59800.00 SCIS"), Some(&AntennaCalibration::default()));
         assert_eq!(all.find("LEIAR25"), None);
+        let named = all.find_named("TRM59800.00 SCIT").map(|(name, _)| name);
+        assert_eq!(named.as_deref(), Some("TRM59800.00     NONE"));
+        assert!(all.contains("TRM59800.00 SCIS") && !all.contains("TRM59800.00 SCIT"));
         assert_eq!((all.len(), all.is_empty()), (2, false));
     }
 }

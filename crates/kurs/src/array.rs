@@ -6,6 +6,8 @@ use crate::frames::{Body, Vector};
 
 /// Antennas closer together than this are one antenna: no direction can come from them.
 pub const MIN_SEPARATION_M: f64 = 0.01;
+/// Antennas farther apart than this are on no body, and their integers have no bounds to search in.
+pub const MAX_SEPARATION_M: f64 = 100e3;
 /// An array whose second principal extent is below this share of the first is a line.
 const COLLINEAR_RATIO: f64 = 1e-3;
 /// An array whose third principal extent is below this share of the first is a plane.
@@ -49,6 +51,18 @@ pub enum ArrayError {
         /// Their distance.
         distance_m: f64,
     },
+    /// Two antennas too far apart.
+    #[error(
+        "antennas {first} and {second} are {distance_m:.0} m apart, at most {MAX_SEPARATION_M} m make sense"
+    )]
+    FarApart {
+        /// Index of the first antenna.
+        first: usize,
+        /// Index of the second antenna.
+        second: usize,
+        /// Their distance.
+        distance_m: f64,
+    },
     /// A coordinate is infinite or not a number.
     #[error("the position of antenna {antenna} is not a finite number")]
     NotFinite {
@@ -79,6 +93,23 @@ impl AntennaArray {
             }
         }
         Ok(Self { positions_m })
+    }
+
+    /// Whether the antennas can be on one body.
+    ///
+    /// # Errors
+    ///
+    /// [`ArrayError::FarApart`] for two that are more than [`MAX_SEPARATION_M`] apart.
+    pub fn check_extent(&self) -> Result<(), ArrayError> {
+        for (first, a) in self.positions_m.iter().enumerate() {
+            for (second, b) in self.positions_m.iter().enumerate().skip(first + 1) {
+                let distance_m = (*b - *a).norm();
+                if distance_m > MAX_SEPARATION_M {
+                    return Err(ArrayError::FarApart { first, second, distance_m });
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Number of antennas, at least two.
@@ -150,6 +181,11 @@ mod tests {
         assert_eq!(array(&[[0.0; 3]]), Err(ArrayError::TooFew { found: 1 }));
         let same = array(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 0.001]]);
         assert!(matches!(same, Err(ArrayError::Coincident { first: 1, second: 2, .. })));
+        for far_m in [1.1e5, 1e300, f64::MAX] {
+            let far = array(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, far_m, 0.0]]).unwrap();
+            let refused = far.check_extent();
+            assert!(matches!(refused, Err(ArrayError::FarApart { first: 0, second: 2, .. })));
+        }
         let nan = array(&[[0.0; 3], [f64::NAN, 0.0, 0.0]]);
         assert_eq!(nan, Err(ArrayError::NotFinite { antenna: 1 }));
     }

@@ -85,6 +85,7 @@ impl Sky {
                 cn0_dbhz: Some(50.0),
             },
             second: None,
+            delay_sd_m: 0.0,
             range_rate_mps: None,
         }
     }

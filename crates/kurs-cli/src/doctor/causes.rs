@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use kurs::antenna_calibration::MountedAntenna;
 use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Settings};
 use kurs::ephemeris::NavigationData;
@@ -54,6 +55,7 @@ pub(super) struct Patient<'a> {
     pub(super) settings: &'a Settings,
     pub(super) array: Option<&'a AntennaArray>,
     pub(super) navigation: &'a NavigationData,
+    pub(super) mounts: &'a [Option<MountedAntenna>],
 }
 
 /// All causes found.
@@ -185,7 +187,7 @@ impl Patient<'_> {
         let distances = if trials.free.share(Status::Fixed) > MANY {
             geometry::distances(&trials.free, array)
         } else {
-            geometry::scanned(self.settings, self.navigation, sample, array)
+            geometry::scanned(self, sample, array)
         };
         let wrong: Vec<&Distance> = distances.iter().filter(|d| d.is_wrong(sd_m)).collect();
         if wrong.is_empty() {

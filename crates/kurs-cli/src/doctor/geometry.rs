@@ -2,11 +2,11 @@
 
 use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
-use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::Status;
 
+use super::causes::Patient;
 use super::sample::Sample;
 use super::trials::Trial;
 
@@ -79,8 +79,7 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
 /// Where nothing is fixed without a length: the length of each baseline from the first antenna with
 /// which most epochs are fixed.
 pub(super) fn scanned(
-    settings: &Settings,
-    navigation: &NavigationData,
+    patient: &Patient<'_>,
     sample: &Sample,
     array: &AntennaArray,
 ) -> Vec<Distance> {
@@ -93,9 +92,11 @@ pub(super) fn scanned(
             points_m: Vec::new(),
             constraint: Constraint::Length,
             array_sd_m: SCAN_STEP_M / 2.0,
-            ..settings.clone()
+            ..patient.settings.clone()
         };
-        let Ok(mut engine) = Engine::new(settings, navigation.clone()) else { return 0 };
+        let Ok(engine) = Engine::new(settings, patient.navigation.clone()) else { return 0 };
+        let mount = |antenna: usize| patient.mounts.get(antenna).cloned().flatten();
+        let mut engine = engine.with_phase_centers(vec![mount(0), mount(second)]);
         let epochs = sample.epochs.iter().step_by(step);
         let fixed = epochs.filter(|epoch| {
             let pair = vec![epoch.antennas[0].clone(), epoch.antennas[second].clone()];

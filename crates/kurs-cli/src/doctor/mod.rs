@@ -57,14 +57,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = config::load(Some(&args.config), &overrides)?;
     let settings = loaded.settings()?;
     let names = antenna_names(&loaded);
-    let Input { navigation, mut streams, damage } = Input::open(&loaded)?;
+    let Input { navigation, mut streams, phase_centers, damage } = Input::open(&loaded)?;
+    let mounts = phase_centers.mounts;
     let sample = Sample::take(&mut streams)?;
 
-    let trials = Trials::run(&settings, &navigation, &sample, &names);
+    let trials = Trials::run(&settings, &navigation, &mounts, &sample, &names);
     let signals = usage(&sample, &trials.configured, &navigation, &settings, &names);
     let array: Option<&AntennaArray> = settings.array.as_ref();
-    let patient =
-        causes::Patient { names: &names, settings: &settings, array, navigation: &navigation };
+    let patient = causes::Patient {
+        names: &names,
+        settings: &settings,
+        array,
+        navigation: &navigation,
+        mounts: &mounts,
+    };
     let findings = causes::findings(&patient, &sample, &trials, &signals, &damage);
 
     println!("{} of {} epochs were solved in each of these ways:", sample.epochs.len(), sample.of);

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use kurs::antenna_calibration::MountedAntenna;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::ArrayEpoch;
@@ -46,6 +47,7 @@ impl Trials {
     pub(super) fn run(
         settings: &Settings,
         navigation: &NavigationData,
+        mounts: &[Option<MountedAntenna>],
         sample: &Sample,
         names: &[String],
     ) -> Self {
@@ -53,7 +55,10 @@ impl Trials {
             let engine = Engine::new(settings.clone(), navigation.clone());
             let rows = engine.map_or_else(
                 |_| Vec::new(),
-                |mut engine| epochs.iter().map(|epoch| engine.push(epoch)).collect(),
+                |engine| {
+                    let mut engine = engine.with_phase_centers(mounts.to_vec());
+                    epochs.iter().map(|epoch| engine.push(epoch)).collect()
+                },
             );
             Trial { name, rows }
         };

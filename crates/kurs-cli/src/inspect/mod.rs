@@ -17,7 +17,7 @@ use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
 use kurs_formats::damage::Damage;
 use kurs_formats::logs::{self, LogPart};
-use kurs_formats::source::{ReadError, Source};
+use kurs_formats::source::{ReadError, Source, can_be_read_again};
 use serde::Serialize;
 
 use crate::failure::UsageError;
@@ -132,6 +132,9 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
     }
     for file in &args.files {
         // A file that cannot be read is told of where it is reported.
+        if !can_be_read_again(file) {
+            continue;
+        }
         let Ok(mut source) = Source::open(file) else { continue };
         let content = source.start(Content::ENOUGH).map(Content::of);
         let has_orbits = |content: &Content| {
@@ -146,6 +149,11 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
 
 /// The report on a file; on a log of several stations or antennas one for each of them.
 fn inspect(file: &Path, navigation: &NavigationData) -> Result<Vec<Report>, ReadError> {
+    if !can_be_read_again(file) {
+        let (file, found) = (file.display().to_string(), "a pipe".to_owned());
+        let expected = "a file: it is read more than once";
+        return Err(ReadError::WrongContent { file, found, expected });
+    }
     let mut source = Source::open(file)?;
     let content = Content::of(source.start(Content::ENOUGH)?);
     let observations = |part: Option<LogPart>| {

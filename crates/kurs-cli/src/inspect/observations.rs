@@ -144,8 +144,8 @@ pub(super) fn inspect(
     let mut epoch = AntennaEpoch::default();
     while source.next_epoch(&mut epoch)? {
         gathered.add(&epoch, |satellite| {
-            let told = source.glonass_channels().get(&satellite.number).copied();
-            told.or_else(|| navigation.ephemerides.glonass_channel(satellite))
+            let told = || source.glonass_channels().get(&satellite.number).copied();
+            navigation.ephemerides.glonass_channel(satellite).or_else(told)
         });
         sky.add(&epoch);
     }

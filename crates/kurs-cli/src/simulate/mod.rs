@@ -149,6 +149,11 @@ impl Files {
 
     fn finish(self) -> anyhow::Result<()> {
         for files in self.antennas {
+            for left_out in files.left_out() {
+                eprintln!(
+                    "note: {left_out}: the message has no room for a value (they are in {NAVIGATION})"
+                );
+            }
             files.finish()?;
         }
         for table in self.truth {

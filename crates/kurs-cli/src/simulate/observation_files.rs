@@ -7,7 +7,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
-use kurs::signal::Signal;
+use kurs::signal::{Satellite, Signal};
 use kurs_formats::rinex::{CompactWriter, ObservationFileHeader, ObservationWriter};
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
@@ -48,7 +48,10 @@ pub(super) fn signals_left_out(format: ObservationFormat, signals: &[Signal]) ->
 const STATION: u16 = 1;
 
 /// All files of one antenna.
-pub(super) struct ObservationFiles(Vec<Writer>);
+pub(super) struct ObservationFiles {
+    antenna: String,
+    writers: Vec<Writer>,
+}
 
 enum Writer {
     Rinex(Box<ObservationWriter<Text>>),
@@ -71,10 +74,12 @@ impl ObservationFiles {
             let packed = |file| GzEncoder::new(file, Compression::default());
             let text = match format {
                 ObservationFormat::Rinex => Text::Plain(file),
-                ObservationFormat::RinexGzip => Text::Packed(packed(file)),
-                ObservationFormat::Crinex => Text::Compact(CompactWriter::new(file, header.first)?),
+                ObservationFormat::RinexGzip => Text::Packed(Box::new(packed(file))),
+                ObservationFormat::Crinex => {
+                    Text::Compact(Box::new(CompactWriter::new(file, header.first)?))
+                }
                 ObservationFormat::CrinexGzip => {
-                    Text::CompactPacked(CompactWriter::new(packed(file), header.first)?)
+                    Text::CompactPacked(Box::new(CompactWriter::new(packed(file), header.first)?))
                 }
                 ObservationFormat::Ubx => return Ok(Writer::Ubx(UbxWriter::new(file, navigation))),
                 ObservationFormat::Rtcm3 => {
@@ -88,11 +93,12 @@ impl ObservationFiles {
             };
             Ok(Writer::Rinex(Box::new(ObservationWriter::new(text, header)?)))
         };
-        formats.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
+        let writers = formats.iter().map(open).collect::<anyhow::Result<_>>()?;
+        Ok(Self { antenna: antenna.to_owned(), writers })
     }
 
     pub(super) fn write(&mut self, epoch: &AntennaEpoch) -> io::Result<()> {
-        self.0.iter_mut().try_for_each(|writer| match writer {
+        self.writers.iter_mut().try_for_each(|writer| match writer {
             Writer::Rinex(rinex) => rinex.write(epoch),
             Writer::Ubx(ubx) => ubx.write(epoch),
             Writer::Rtcm3(rtcm) => rtcm.write(epoch),
@@ -100,8 +106,23 @@ impl ObservationFiles {
         })
     }
 
+    /// Which satellites' ephemerides a log has no room for, in words; one for each log.
+    pub(super) fn left_out(&self) -> impl Iterator<Item = String> {
+        self.writers.iter().filter_map(|writer| {
+            let (format, satellites) = match writer {
+                Writer::Rinex(_) => return None,
+                Writer::Ubx(ubx) => (ObservationFormat::Ubx, ubx.left_out()),
+                Writer::Rtcm3(rtcm) => (ObservationFormat::Rtcm3, rtcm.left_out()),
+                Writer::Sbf(sbf) => (ObservationFormat::Sbf, sbf.left_out()),
+            };
+            let names: Vec<String> = satellites.iter().map(Satellite::to_string).collect();
+            let file = file_name(&self.antenna, format);
+            (!names.is_empty()).then(|| format!("{file}: no ephemerides of {}", names.join(" ")))
+        })
+    }
+
     pub(super) fn finish(self) -> anyhow::Result<()> {
-        self.0.into_iter().try_for_each(|writer| match writer {
+        self.writers.into_iter().try_for_each(|writer| match writer {
             Writer::Rinex(rinex) => rinex.finish()?.finish(),
             Writer::Ubx(ubx) => ubx.finish().finish(),
             Writer::Rtcm3(rtcm) => rtcm.finish().finish(),
@@ -113,9 +134,9 @@ impl ObservationFiles {
 /// Where the text of a RINEX file goes.
 enum Text {
     Plain(OutputFile),
-    Packed(GzEncoder<OutputFile>),
-    Compact(CompactWriter<OutputFile>),
-    CompactPacked(CompactWriter<GzEncoder<OutputFile>>),
+    Packed(Box<GzEncoder<OutputFile>>),
+    Compact(Box<CompactWriter<OutputFile>>),
+    CompactPacked(Box<CompactWriter<GzEncoder<OutputFile>>>),
 }
 
 impl Text {
@@ -132,9 +153,9 @@ impl Text {
     fn writer(&mut self) -> &mut dyn Write {
         match self {
             Self::Plain(file) => file,
-            Self::Packed(packed) => packed,
-            Self::Compact(compact) => compact,
-            Self::CompactPacked(compact) => compact,
+            Self::Packed(packed) => packed.as_mut(),
+            Self::Compact(compact) => compact.as_mut(),
+            Self::CompactPacked(compact) => compact.as_mut(),
         }
     }
 }

@@ -491,10 +491,9 @@ impl Loaded {
         let Config { antenna, solve, point, .. } = &self.config;
         let positions: Option<Vec<_>> =
             antenna.iter().map(|a| a.position_m.map(|[x, y, z]| Vector::new(x, y, z))).collect();
-        let array = positions
-            .map(AntennaArray::new)
-            .transpose()
-            .map_err(|error| UsageError(self.with_names(&error)))?;
+        let named = |error| UsageError(self.with_names(&error));
+        let array = positions.map(AntennaArray::new).transpose().map_err(named)?;
+        array.as_ref().map_or(Ok(()), AntennaArray::check_extent).map_err(named)?;
         let bands = solve.bands.as_ref().map(|bands| self.bands(bands)).transpose()?;
         if !(0.0..=1.0).contains(&solve.glonass_channel_sd_m) {
             let found = solve.glonass_channel_sd_m;
@@ -553,6 +552,11 @@ impl Loaded {
         match error {
             ArrayError::Coincident { first, second, distance_m } => format!(
                 "antennas `{}` and `{}` are {distance_m:.4} m apart: two antennas cannot be at one place",
+                name(*first),
+                name(*second)
+            ),
+            ArrayError::FarApart { first, second, distance_m } => format!(
+                "antennas `{}` and `{}` are {distance_m:.0} m apart: `position_m` is in metres on one body",
                 name(*first),
                 name(*second)
             ),

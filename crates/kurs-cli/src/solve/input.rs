@@ -3,9 +3,10 @@
 use anyhow::bail;
 use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
-use kurs_formats::source::Source;
+use kurs_formats::source::{Source, can_be_read_again};
 
 use super::config::Loaded;
+use super::phase_centers::{self, PhaseCenters};
 use super::streams::{AntennaFiles, Streams};
 use crate::failure::UsageError;
 use crate::summary::Damage;
@@ -14,16 +15,22 @@ use crate::summary::Damage;
 pub(crate) struct Input {
     pub(crate) navigation: NavigationData,
     pub(crate) streams: Streams,
-    /// What was damaged in the navigation files.
+    /// Of the antennas whose type is given.
+    pub(crate) phase_centers: PhaseCenters,
+    /// What was damaged in the navigation and ANTEX files.
     pub(crate) damage: Vec<Damage>,
 }
 
 impl Input {
     /// Opens everything that the configuration names.
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
-        let (navigation, damage) = read_navigation(loaded)?;
+        let (mut navigation, mut damage) = read_navigation(loaded)?;
+        let phase_centers = phase_centers::read(loaded, &mut damage)?;
         let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
-        Ok(Self { navigation, streams, damage })
+        for (number, channel) in streams.glonass_channels() {
+            navigation.ephemerides.insert_glonass_channel(number, channel);
+        }
+        Ok(Self { navigation, streams, phase_centers, damage })
     }
 }
 
@@ -35,7 +42,9 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
+        // What is read here is gone from a pipe.
         if !files.contains(&path)
+            && can_be_read_again(&path)
             && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
         {
             files.push(path);

@@ -111,12 +111,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
-    let Input { navigation, mut streams, mut damage } = Input::open(&loaded)?;
+    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(&loaded)?;
+    if !args.quiet {
+        phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
     let mut review = Review::new(args, &loaded, &navigation)?;
-    let mounts = phase_centers::read(&loaded, &mut damage)?;
     let mut engine = Engine::new(settings, navigation)
         .map_err(|e| UsageError(e.to_string()))?
-        .with_phase_centers(mounts);
+        .with_phase_centers(phase_centers.mounts);
     if let Some(station) = &loaded.config.station {
         let [x, y, z] = station.position_ecef_m;
         engine = engine
@@ -138,10 +140,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let wall_s = progress.finish();
 
-    if summary.epochs() == 0 {
-        bail!("no epoch in any observation file ({})", streams.spans());
-    }
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    if summary.epochs() == 0 {
+        bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
+    }
     let file = summary.file(loaded.text(), &damage, wall_s);
     output::write_json(&args.out, "summary.json", &file)?;
     outputs.finish()?;
@@ -209,17 +211,15 @@ impl Outputs {
 
 /// What stands on the terminal at the end.
 fn closing(summary: &Summary, damage: &[Damage], out: &Path) -> String {
-    let mut text = summary.text();
-    if let Some(first) = damage.first() {
-        text += &format!(
-            "\n{} damaged places, first: {}:{}: {}",
-            damage.len(),
-            first.file,
-            first.line,
-            first.what
-        );
-    }
-    text + &format!("\nwritten to {}\n", out.display())
+    format!("{}{}\nwritten to {}\n", summary.text(), damaged(damage), out.display())
+}
+
+/// How much was damaged and where first, as a line of its own; nothing if nothing was.
+fn damaged(damage: &[Damage]) -> String {
+    damage.first().map_or_else(String::new, |first| {
+        let Damage { file, line, what } = first;
+        format!("\n{} damaged places, first: {file}:{line}: {what}", damage.len())
+    })
 }
 
 /// Why not a single row has a solution.

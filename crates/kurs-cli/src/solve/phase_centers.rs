@@ -8,11 +8,17 @@ use super::config::{AntennaTable, Loaded};
 use crate::failure::UsageError;
 use crate::summary::Damage;
 
-/// One entry an antenna, in the order of the configuration; what was damaged in the ANTEX files.
-pub(super) fn read(
-    loaded: &Loaded,
-    damage: &mut Vec<Damage>,
-) -> anyhow::Result<Vec<Option<MountedAntenna>>> {
+/// The calibrated antennas.
+#[derive(Debug, Default)]
+pub(crate) struct PhaseCenters {
+    /// One entry an antenna, in the order of the configuration.
+    pub(crate) mounts: Vec<Option<MountedAntenna>>,
+    /// Which calibration and bands serve, in words.
+    pub(crate) notes: Vec<String>,
+}
+
+/// Finds the calibrations; what was damaged in the ANTEX files is added to `damage`.
+pub(super) fn read(loaded: &Loaded, damage: &mut Vec<Damage>) -> anyhow::Result<PhaseCenters> {
     let mut calibrations = AntennaCalibrations::default();
     for file in &loaded.config.antex.files {
         let path = loaded.path(file);
@@ -23,16 +29,20 @@ pub(super) fn read(
         let entries = log.listed().iter();
         damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
     }
-    let mounts = loaded.config.antenna.iter().map(|antenna| mounted(antenna, &calibrations));
-    Ok(mounts.collect::<Result<_, _>>()?)
+    let mut found = PhaseCenters::default();
+    for antenna in &loaded.config.antenna {
+        found.mounts.push(mounted(antenna, &calibrations, &mut found.notes)?);
+    }
+    Ok(found)
 }
 
 fn mounted(
     antenna: &AntennaTable,
     calibrations: &AntennaCalibrations,
+    notes: &mut Vec<String>,
 ) -> Result<Option<MountedAntenna>, UsageError> {
     let Some(name) = &antenna.antenna_type else { return Ok(None) };
-    let Some(calibration) = calibrations.find(name) else {
+    let Some((known, calibration)) = calibrations.find_named(name) else {
         let likeness = |known: &str| {
             let without_radome = known.split_ascii_whitespace().next().unwrap_or_default();
             strsim::jaro(name, known).max(strsim::jaro(name, without_radome))
@@ -49,6 +59,18 @@ fn mounted(
             antenna.name
         )));
     };
+    let bands: Vec<String> = calibration.bands().map(|band| band.to_string()).collect();
+    if bands.is_empty() {
+        return Err(UsageError(format!(
+            "antenna `{}`: `antenna_type` {known:?} has no usable band in the ANTEX files",
+            antenna.name
+        )));
+    }
+    notes.push(format!(
+        "antenna {}: calibration of {known:?}, bands {}; other bands take the nearest in frequency",
+        antenna.name,
+        bands.join(" ")
+    ));
     let orientation_rad = antenna.antenna_orientation_deg.unwrap_or(0.0).to_radians();
     Ok(Some(MountedAntenna::new(calibration.clone(), orientation_rad)))
 }

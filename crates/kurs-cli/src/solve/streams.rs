@@ -1,6 +1,7 @@
 //! The observation files of all antennas, matched in time: one array epoch for every epoch that
 //! any antenna has.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -15,7 +16,7 @@ const UNKNOWN_INTERVAL_S: f64 = 1.0;
 /// Where the observations of one antenna are.
 pub(crate) struct AntennaFiles {
     pub(crate) name: String,
-    /// In time order.
+    /// In any order.
     pub(crate) files: Vec<PathBuf>,
     pub(crate) options: LogOptions,
 }
@@ -101,6 +102,12 @@ impl Streams {
             epoch.station = None;
         }
         Ok(())
+    }
+
+    /// GLONASS frequency channel of each orbital slot, as far as any file told so far.
+    pub(crate) fn glonass_channels(&self) -> BTreeMap<u8, i8> {
+        let streams = self.streams.iter().chain(&self.station);
+        streams.flat_map(|s| s.reader.glonass_channels()).collect()
     }
 
     /// Everything that was damaged so far.

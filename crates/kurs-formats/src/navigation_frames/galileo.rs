@@ -141,6 +141,28 @@ pub(crate) fn read_fnav(satellite: Satellite, pages: [&FnavPage; 4]) -> Option<K
     issues.iter().all(|issue| *issue == issues[0]).then_some(message)
 }
 
+/// The pages 1 to 4 of a message with their checksums, 244 bits each; `None` if a value does not fit.
+pub(crate) fn write_fnav(message: &KeplerMessage) -> Option<[[u8; 31]; 4]> {
+    let mut message = message.clone();
+    let mut pages = [[0; 31]; 4];
+    for (page, number) in pages.iter_mut().zip(1..) {
+        let mut data = BitWriter::default();
+        describe_fnav(&mut data, &mut message, number);
+        let data = data.finish()?;
+        page[..data.len()].copy_from_slice(&data);
+        let [a, b, c] = fnav_checksum(page);
+        let mut whole = BitWriter::default();
+        let mut bits = BitReader::new(page);
+        for width in FNAV_COVERED {
+            whole.bits(width, bits.take(width));
+        }
+        whole.bits(24, u64::from(u32::from_be_bytes([0, a, b, c])));
+        let whole = whole.finish()?;
+        page[..whole.len()].copy_from_slice(&whole);
+    }
+    Some(pages)
+}
+
 /// Tables 35 to 38, as far as the ephemeris goes.
 fn describe_fnav(f: &mut impl Fields, m: &mut KeplerMessage, number: u64) {
     f.constant(6, number);
@@ -247,16 +269,28 @@ fn page_checksum(page: &Page) -> [u8; 3] {
     crc24q(&bits.finish().unwrap_or_default())
 }
 
+/// The 214 bits that the checksum of an F/NAV page covers.
+const FNAV_COVERED: [u32; 4] = [64, 64, 64, 22];
+
 /// Whether the checksum of an F/NAV page of 244 bits, in 31 bytes, is right.
 pub(crate) fn is_good_fnav(page: &[u8; 31]) -> bool {
     let mut reader = BitReader::new(page);
+    FNAV_COVERED.iter().for_each(|width| {
+        reader.take(*width);
+    });
+    let [a, b, c] = fnav_checksum(page);
+    u64::from(u32::from_be_bytes([0, a, b, c])) == reader.take(24)
+}
+
+/// CRC-24Q with zeros before the page up to whole bytes.
+fn fnav_checksum(page: &[u8; 31]) -> [u8; 3] {
+    let mut reader = BitReader::new(page);
     let mut bits = BitWriter::default();
     bits.bits(2, 0);
-    for width in [64, 64, 64, 22] {
+    for width in FNAV_COVERED {
         bits.bits(width, reader.take(width));
     }
-    let [a, b, c] = crc24q(&bits.finish().unwrap_or_default());
-    u64::from(u32::from_be_bytes([0, a, b, c])) == reader.take(24)
+    crc24q(&bits.finish().unwrap_or_default())
 }
 
 #[cfg(test)]

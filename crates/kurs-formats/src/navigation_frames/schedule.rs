@@ -1,8 +1,9 @@
 //! When a simulated receiver has received which ephemeris.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::signal::Satellite;
 use kurs::time::GpsTime;
 
 /// Satellites begin to send an ephemeris so long before its reference time, s.
@@ -14,6 +15,7 @@ const AHEAD_GLONASS_S: f64 = 900.0;
 #[derive(Debug)]
 pub(crate) struct Schedule {
     waiting: VecDeque<(GpsTime, Ephemeris)>,
+    left_out: BTreeSet<Satellite>,
 }
 
 impl Schedule {
@@ -25,7 +27,7 @@ impl Schedule {
         };
         let mut waiting: Vec<_> = data.ephemerides.iter().map(|e| (begins(e), *e)).collect();
         waiting.sort_by_key(|(begins, _)| *begins);
-        Self { waiting: waiting.into() }
+        Self { waiting: waiting.into(), left_out: BTreeSet::new() }
     }
 
     /// The next ephemeris that has begun by `time` and is still good then.
@@ -37,6 +39,16 @@ impl Schedule {
             }
         }
         None
+    }
+
+    /// Notes that the format of the log has no room for an ephemeris of this satellite.
+    pub(crate) fn leave_out(&mut self, satellite: Satellite) {
+        self.left_out.insert(satellite);
+    }
+
+    /// The satellites with an ephemeris that the log does not have.
+    pub(crate) const fn left_out(&self) -> &BTreeSet<Satellite> {
+        &self.left_out
     }
 }
 

@@ -17,6 +17,9 @@ const NUMBER: usize = 14;
 const FIELD: usize = 16;
 /// Columns of an epoch line in front of the names of the satellites.
 const EPOCH_COLUMNS: usize = 41;
+/// Decimals of an observation, and of the receiver clock offset behind the epoch line.
+const DECIMALS: usize = 3;
+const CLOCK_DECIMALS: usize = 12;
 const MONTHS: [&str; 12] =
     ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
 
@@ -35,6 +38,7 @@ pub struct CompactWriter<W: Write> {
     missing: usize,
     /// Text of the epoch before, and the satellites it had.
     before: Vec<u8>,
+    clock: Option<Arc>,
     tracked: BTreeMap<[u8; 3], Tracked>,
 }
 
@@ -80,6 +84,7 @@ impl<W: Write> CompactWriter<W> {
             satellites: Vec::new(),
             missing: 0,
             before: Vec::new(),
+            clock: None,
             tracked: BTreeMap::new(),
         })
     }
@@ -127,8 +132,9 @@ impl<W: Write> CompactWriter<W> {
 
     fn take_epoch(&mut self, line: Vec<u8>) -> io::Result<()> {
         let count = line.get(32..35).and_then(number).and_then(|count| usize::try_from(count).ok());
-        match (line.first(), count) {
-            (Some(b'>'), Some(count)) => self.missing = count,
+        match (line.first(), line.get(31), count) {
+            (Some(b'>'), Some(b'0' | b'1'), Some(count)) => self.missing = count,
+            (Some(b'>'), Some(_), Some(_)) => return Err(invalid("an event is not written")),
             _ => return Err(invalid("an epoch line of RINEX 3 was expected")),
         }
         self.epoch = line;
@@ -138,6 +144,7 @@ impl<W: Write> CompactWriter<W> {
     /// Epoch line with the satellites, clock line, and a line for each satellite.
     fn write_epoch(&mut self) -> io::Result<()> {
         let mut text = core::mem::take(&mut self.epoch);
+        let clock = units(text.get(EPOCH_COLUMNS..).unwrap_or_default(), CLOCK_DECIMALS)?;
         text.resize(EPOCH_COLUMNS, b' ');
         for line in &self.satellites {
             text.extend_from_slice(line.get(..3).ok_or_else(|| invalid("no satellite"))?);
@@ -149,7 +156,10 @@ impl<W: Write> CompactWriter<W> {
         };
         self.before = text;
         self.output.write_all(written.trim_ascii_end())?;
-        self.output.write_all(b"\n\n")?;
+        let mut clock_line = b"\n".to_vec();
+        self.clock = Arc::follow(self.clock, clock, &mut clock_line)?;
+        self.output.write_all(&clock_line)?;
+        self.output.write_all(b"\n")?;
         // Arcs go on from the epoch before; who was not there begins anew.
         let mut before = core::mem::take(&mut self.tracked);
         for line in core::mem::take(&mut self.satellites) {
@@ -196,7 +206,7 @@ impl Tracked {
             let given = observations.get(FIELD * index..).unwrap_or_default();
             let width = given.len().min(FIELD);
             field[..width].copy_from_slice(&given[..width]);
-            *arc = Arc::follow(*arc, thousandths(&field[..NUMBER])?, &mut line)?;
+            *arc = Arc::follow(*arc, units(&field[..NUMBER], DECIMALS)?, &mut line)?;
             line.push(b' ');
             digits.extend_from_slice(&field[NUMBER..]);
         }
@@ -241,17 +251,17 @@ fn changes(before: &[u8], text: &[u8]) -> Vec<u8> {
     (0..before.len().max(text.len())).map(change).collect()
 }
 
-/// The number of an `F14.3` field in thousandths; `None` if the field is blank.
-fn thousandths(field: &[u8]) -> io::Result<Option<i64>> {
+/// The number of a field in units of its last decimal; `None` if the field is blank.
+fn units(field: &[u8], decimals: usize) -> io::Result<Option<i64>> {
     let text = field.trim_ascii();
     if text.is_empty() {
         return Ok(None);
     }
     let whole: Vec<u8> = text.iter().copied().filter(|byte| *byte != b'.').collect();
-    let decimals = text.rsplit(|byte| *byte == b'.').next().map(<[u8]>::len);
-    match (decimals, number(&whole)) {
-        (Some(3), Some(number)) => Ok(Some(number)),
-        _ => Err(invalid("a number with three decimals was expected")),
+    let found = text.rsplit(|byte| *byte == b'.').next().map(<[u8]>::len);
+    match number(&whole) {
+        Some(number) if found == Some(decimals) => Ok(Some(number)),
+        _ => Err(invalid(&format!("a number with {decimals} decimals was expected"))),
     }
 }
 
@@ -332,6 +342,9 @@ mod tests {
         let mut writer = start();
         writer.write_all(end.as_bytes()).unwrap();
         assert!(writer.write_all(b" 05  3 24 13 10 36.0000000  0  4G12\n").is_err());
+        let mut writer = start();
+        writer.write_all(end.as_bytes()).unwrap();
+        assert!(writer.write_all(b"> 2024 03 10 12 00  0.0000000  4  1\n").is_err());
         let mut writer = start();
         writer.write_all(end.as_bytes()).unwrap();
         writer.write_all(b"> 2024 03 10 12 00  0.0000000  0  2\n").unwrap();

@@ -1,12 +1,12 @@
 //! Writes RTCM 3 logs: 1006, MSM 7 and ephemerides.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 
 use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::{AntennaEpoch, Observation};
-use kurs::signal::System;
+use kurs::signal::{Satellite, System};
 use kurs::time::GpsTime;
 
 use super::msm::{self, CELLS_MAX, Cell, MS_M};
@@ -67,7 +67,11 @@ impl<W: Write> Rtcm3Writer<W> {
             self.send(place::write(self.station, self.place))?;
         }
         while let Some(next) = self.schedule.next(epoch.time) {
-            self.send(ephemeris::write(&next, epoch.time))?;
+            let message = ephemeris::write(&next, epoch.time);
+            if message.is_none() {
+                self.schedule.leave_out(next.satellite());
+            }
+            self.send(message)?;
         }
         // t' = t + δ is a clock that shows δ more: every range grows by c δ.
         let tag = whole_milliseconds(epoch.time);
@@ -133,6 +137,13 @@ impl<W: Write> Rtcm3Writer<W> {
         let checksum = crc24q(&frame);
         frame.extend(checksum);
         self.output.write_all(&frame)
+    }
+
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
+    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    #[must_use]
+    pub const fn left_out(&self) -> &BTreeSet<Satellite> {
+        self.schedule.left_out()
     }
 
     /// Gives the output back.

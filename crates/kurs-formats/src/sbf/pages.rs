@@ -165,6 +165,7 @@ const GPS_L1CA: u8 = 0;
 const QZS_L1CA: u8 = 6;
 const GLO_L1CA: u8 = 8;
 const GAL_E1: u8 = 17;
+const GAL_E5A: u8 = 20;
 const BDS_B1I: u8 = 28;
 
 /// Block number, signal and the words of each page of a Keplerian message.
@@ -203,7 +204,11 @@ fn kepler_pages(elements: &KeplerElements, sent: GpsTime) -> Option<(u16, u8, Ve
         Message::BeiDouD2 => {
             (BDS_RAW, BDS_B1I, beidou::write_d2(&message)?.each_ref().map(beidou).to_vec())
         }
-        Message::GalileoFnav | Message::GlonassFdma => return None,
+        Message::GalileoFnav => {
+            let pages = galileo::write_fnav(&message)?;
+            (GAL_RAW_FNAV, GAL_E5A, pages.map(|page| words_of(&page, 8)).to_vec())
+        }
+        Message::GlonassFdma => return None,
     })
 }
 

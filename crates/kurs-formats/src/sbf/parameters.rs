@@ -23,6 +23,8 @@ const UTC_WEEKS: u64 = 256;
 const OFFSET_WEEKS: u64 = 64;
 const WEEK_S: f64 = 604_800.0;
 const DAY_S: f64 = 86_400.0;
+/// UTC parameters, and offsets between systems, that are kept: satellites send new ones once a day.
+const KEPT_MAX: usize = 1000;
 
 /// Takes what a block tells, received at `time`; `None` if it is another block or too short.
 pub(super) fn take(block: &Block<'_>, time: GpsTime, data: &mut NavigationData) -> Option<()> {
@@ -32,7 +34,9 @@ pub(super) fn take(block: &Block<'_>, time: GpsTime, data: &mut NavigationData) 
         GPS_ION | BDS_ION => {
             let mut model = Klobuchar { alpha: [0.0; 4], beta: [0.0; 4] };
             describe_klobuchar(&mut reader, &mut model);
-            let model = reader.is_whole().then_some(model)?;
+            let numbers = model.alpha.iter().chain(&model.beta);
+            let is_sane = reader.is_whole() && numbers.into_iter().all(|number| number.is_finite());
+            let model = is_sane.then_some(model)?;
             let of_system = match block.number {
                 GPS_ION => &mut data.ionosphere.gps,
                 _ => &mut data.ionosphere.beidou,
@@ -42,7 +46,8 @@ pub(super) fn take(block: &Block<'_>, time: GpsTime, data: &mut NavigationData) 
         GAL_ION => {
             let mut levels = [0.0; 3];
             levels.iter_mut().for_each(|level| reader.f4(1.0, level));
-            data.ionosphere.galileo = Some(reader.is_whole().then_some(levels)?);
+            let is_sane = reader.is_whole() && levels.iter().all(|level| level.is_finite());
+            data.ionosphere.galileo = Some(is_sane.then_some(levels)?);
         }
         GPS_UTC | GAL_UTC => {
             let mut utc = Utc::default();
@@ -81,10 +86,10 @@ pub(super) fn take(block: &Block<'_>, time: GpsTime, data: &mut NavigationData) 
             }
         }
         GAL_GST_GPS => {
-            const NANOSECOND_S: f64 = 1e-9;
             let (mut drift, mut bias_s, mut reference_s, mut week) = (0.0, 0.0, 0.0, 0);
-            reader.f4(NANOSECOND_S, &mut drift);
-            reader.f4(NANOSECOND_S, &mut bias_s);
+            // "1·10⁹ ns/s" and "1·10⁹ ns": s/s and s.
+            reader.f4(1.0, &mut drift);
+            reader.f4(1.0, &mut bias_s);
             reader.seconds(&mut reference_s);
             reader.u1(&mut week);
             if reader.is_whole() {
@@ -211,7 +216,7 @@ fn in_week(time: GpsTime, week: u64, period: u64) -> GpsTime {
 
 /// Every satellite sends the same parameters: they are kept once.
 fn push_utc(data: &mut NavigationData, parameters: UtcParameters) {
-    if !data.utc.contains(&parameters) {
+    if data.utc.len() < KEPT_MAX && !data.utc.contains(&parameters) {
         data.utc.push(parameters);
     }
 }
@@ -224,7 +229,111 @@ fn push_offset(
 ) {
     let subtrahend = System::Gps;
     let offset = SystemTimeOffset { minuend, subtrahend, bias_s, drift, reference_time };
-    if !data.time_offsets.contains(&offset) {
+    if data.time_offsets.len() < KEPT_MAX && !data.time_offsets.contains(&offset) {
         data.time_offsets.push(offset);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Week 2300 (252 in eight bits, 60 in six), Wednesday noon.
+    fn time() -> GpsTime {
+        GpsTime::from_week_tow(2300, 3.5 * DAY_S).unwrap()
+    }
+
+    /// What a block with this content, byte by byte as the guide lists it, tells.
+    fn read(number: u16, content: &[&[u8]]) -> NavigationData {
+        let mut data = NavigationData::default();
+        let framed = super::super::block::framed(number, time(), &content.concat()).unwrap();
+        take(&Block::of(&framed[4..]), time(), &mut data);
+        data
+    }
+
+    fn f4(value: f32) -> [u8; 4] {
+        value.to_le_bytes()
+    }
+
+    fn f8(value: f64) -> [u8; 8] {
+        value.to_le_bytes()
+    }
+
+    /// PRN and a byte more, A₁, A₀, t_ot, WN_t, Δt_LS, WN_LSF, DN, Δt_LSF.
+    fn utc(leaps: [u8; 4]) -> NavigationData {
+        let reference = [405_504u32.to_le_bytes().as_slice(), &[252]].concat();
+        read(GPS_UTC, &[&[3, 0], &f4(2f32.powi(-50)), &f8(2f64.powi(-30)), &reference, &leaps])
+    }
+
+    #[test]
+    fn utc_of_gps_and_galileo() {
+        let data = utc([18, 137, 7, 18]);
+        let reference_time = GpsTime::from_week_tow(2300, 405_504.0).unwrap();
+        let (bias_s, drift) = (2f64.powi(-30), 2f64.powi(-50));
+        let system = System::Gps;
+        assert_eq!(data.utc, [UtcParameters { system, bias_s, drift, reference_time }]);
+        assert_eq!(data.leap_seconds, Some(18));
+        // A leap second at the end of the third day of this week, which is behind or ahead.
+        assert_eq!(utc([18, 252, 3, 19]).leap_seconds, Some(19));
+        assert_eq!(utc([18, 252, 4, 19]).leap_seconds, Some(18));
+        let content: &[&[u8]] =
+            &[&[71, 2], &f4(0.0), &f8(1e-9), &[0; 4], &[252], &[18, 137, 7, 18]];
+        let data = read(GAL_UTC, content);
+        assert_eq!((data.utc[0].system, data.utc[0].bias_s), (System::Galileo, 1e-9));
+        // A block that is cut tells nothing (the framing fills up to a multiple of four bytes).
+        assert_eq!(read(GPS_UTC, &[&[3, 0], &f4(0.0), &f8(1e-9)]), NavigationData::default());
+    }
+
+    #[test]
+    fn utc_of_beidou() {
+        let data = read(BDS_UTC, &[&[145, 0], &f4(1e-14), &f8(3e-9), &[4, 61, 6, 4]]);
+        // The week of BeiDou begins 14 s behind that of GPS.
+        let reference_time = GpsTime::from_week_tow(2300, 14.0).unwrap();
+        let [UtcParameters { system: System::BeiDou, bias_s: 3e-9, drift, reference_time: found }] =
+            data.utc[..]
+        else {
+            panic!("{:?}", data.utc);
+        };
+        assert_eq!((drift, found), (f64::from(1e-14f32), reference_time));
+        assert_eq!(data.leap_seconds, None);
+    }
+
+    /// UTC = t + τ_c, GPST = t + τ_GPS: GPST − UTC = τ_GPS − τ_c, whole seconds left out.
+    #[test]
+    fn time_of_glonass() {
+        let day = 700u16.to_le_bytes();
+        let content: &[&[u8]] = &[&[45, 8, 7, 0], &day, &f4(2e-9), &f8(-5e-9), &f4(0.0), &f4(0.0)];
+        let data = read(GLO_TIME, content);
+        assert_eq!(data.utc[0].bias_s, 5e-9);
+        assert_eq!(data.time_offsets[0].minuend, System::Glonass);
+        assert!((data.utc_remainder_s(time()) - 7e-9).abs() < 1e-15);
+    }
+
+    #[test]
+    fn galileo_time_against_that_of_gps() {
+        let reference = [345_600u32.to_le_bytes().as_slice(), &[60]].concat();
+        let data = read(GAL_GST_GPS, &[&[71, 2], &f4(2e-15), &f4(3e-9), &reference]);
+        let reference_time = GpsTime::from_week_tow(2300, 345_600.0).unwrap();
+        let offset = data.time_offsets[0];
+        assert_eq!((offset.minuend, offset.subtrahend), (System::Galileo, System::Gps));
+        assert_eq!(offset.reference_time, reference_time);
+        assert_eq!((offset.bias_s, offset.drift), (f64::from(3e-9f32), f64::from(2e-15f32)));
+    }
+
+    #[test]
+    fn ionosphere() {
+        let coefficients = [1e-8f32, 2e-8, -3e-8, -4e-8, 9e4, 1e5, -6e4, -3e5];
+        let bytes = coefficients.map(f4).concat();
+        for (number, satellite) in [(GPS_ION, 5), (BDS_ION, 145)] {
+            let data = read(number, &[&[satellite, 0], &bytes]);
+            let [gps, beidou] = [data.ionosphere.gps, data.ionosphere.beidou];
+            let model = if number == GPS_ION { gps } else { beidou }.unwrap();
+            assert_eq!((model.alpha[2], model.beta[3]), (f64::from(-3e-8f32), -3e5));
+        }
+        let data = read(GAL_ION, &[&[71, 2], &[30f32, 0.5, 0.01].map(f4).concat(), &[0]]);
+        assert_eq!(data.ionosphere.galileo, Some([30.0, 0.5, f64::from(0.01f32)]));
+        let no_numbers = [f32::NAN; 8].map(f4).concat();
+        assert_eq!(read(GPS_ION, &[&[5, 0], &no_numbers]), NavigationData::default());
+        assert_eq!(read(GAL_ION, &[&[71, 2], &no_numbers]), NavigationData::default());
     }
 }

@@ -1,6 +1,6 @@
 //! Writes SBF logs: MeasEpoch, decoded navigation messages and the pages that they come from.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 
 use kurs::ephemeris::NavigationData;
@@ -79,6 +79,9 @@ impl<W: Write> SbfWriter<W> {
         }
         while let Some(next) = self.schedule.next(time) {
             let message = messages::block(&next, time);
+            if message.is_none() {
+                self.schedule.leave_out(next.satellite());
+            }
             for (number, content) in message.into_iter().chain(pages::blocks(&next, time)) {
                 self.send(number, time, &content)?;
             }
@@ -130,6 +133,13 @@ impl<W: Write> SbfWriter<W> {
         let framed = framed(number, time, content);
         let framed = framed.ok_or_else(|| io::Error::other("a block is too long for SBF"))?;
         self.output.write_all(&framed)
+    }
+
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
+    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    #[must_use]
+    pub const fn left_out(&self) -> &BTreeSet<Satellite> {
+        self.schedule.left_out()
     }
 
     /// Gives the output back.

@@ -80,6 +80,7 @@ pub(crate) fn payloads(ephemeris: &Ephemeris, sent: GpsTime) -> Vec<Vec<u8>> {
         Ephemeris::Glonass(glonass) => (glonass.elements().channel + 7).cast_unsigned(),
     };
     let signal = match ephemeris.satellite() {
+        Satellite { system: System::Galileo, .. } if is_fnav(ephemeris) => E5A,
         // E1-B; B1I of a GEO satellite.
         Satellite { system: System::Galileo, .. } => 1,
         geo if geo.is_beidou_geo() => 1,
@@ -114,8 +115,15 @@ fn kepler_parts(elements: &KeplerElements, sent: GpsTime) -> Option<Vec<Vec<u32>
         Message::BeiDouD2 => {
             beidou::write_d2(&message)?.map(|s| beidou::to_words(&s).to_vec()).into()
         }
-        Message::GalileoFnav | Message::GlonassFdma => return None,
+        Message::GalileoFnav => {
+            galileo::write_fnav(&message)?.map(|page| words_of(&page, 8)).into()
+        }
+        Message::GlonassFdma => return None,
     })
+}
+
+fn is_fnav(ephemeris: &Ephemeris) -> bool {
+    matches!(ephemeris, Ephemeris::Kepler(k) if k.elements().message == Message::GalileoFnav)
 }
 
 /// Bits from the first one on, in `count` words.

@@ -1,11 +1,11 @@
 //! Writes UBX logs: RXM-RAWX, RXM-SFRBX.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 
 use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, Observation};
-use kurs::signal::System;
+use kurs::signal::{Satellite, System};
 
 use super::rawx::{
     HALF_CYCLE_KNOWN, HEADER, LOCK_TIME_MAX_MS, MEASUREMENT, PHASE_VALID, RANGE_VALID, RXM_RAWX,
@@ -72,7 +72,11 @@ impl<W: Write> UbxWriter<W> {
         debug_assert_eq!(self.payload.len(), HEADER + MEASUREMENT * usize::from(count));
         write_message(&mut self.output, RXM_RAWX, &self.payload)?;
         while let Some(ephemeris) = self.schedule.next(time) {
-            for payload in sfrbx::payloads(&ephemeris, time) {
+            let payloads = sfrbx::payloads(&ephemeris, time);
+            if payloads.is_empty() {
+                self.schedule.leave_out(ephemeris.satellite());
+            }
+            for payload in payloads {
                 write_message(&mut self.output, sfrbx::RXM_SFRBX, &payload)?;
             }
         }
@@ -110,6 +114,13 @@ impl<W: Write> UbxWriter<W> {
         m[27..30].copy_from_slice(&STATED_DEVIATIONS);
         m[30] = status;
         Some(m)
+    }
+
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
+    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    #[must_use]
+    pub const fn left_out(&self) -> &BTreeSet<Satellite> {
+        self.schedule.left_out()
     }
 
     /// Gives the output back.

@@ -140,7 +140,8 @@ impl Settings {
             None if self.constraint != Constraint::None => {
                 return Err(SettingsError::ConstraintWithoutPositions);
             }
-            _ => {}
+            Some(array) => array.check_extent()?,
+            None => {}
         }
         let within = |key, degrees_or_m: f64, range: core::ops::RangeInclusive<f64>, expected| {
             if range.contains(&degrees_or_m) {

@@ -175,36 +175,14 @@ impl GlonassElements {
 
 #[cfg(test)]
 mod tests {
+    use super::super::sample::glonass;
     use super::*;
-
-    /// R05 of 2020-06-25 04:45 UTC (station MOJN, RINEX 3.05).
-    fn r05() -> GlonassElements {
-        let reference_time = GpsTime::from_week_tow(2111, 362_718.0).unwrap();
-        GlonassElements {
-            satellite: Satellite::new(System::Glonass, 5),
-            reference_time,
-            transmission_time: reference_time,
-            clock_bias_s: 5.293_264_985_085e-5,
-            clock_drift: 9.094_947_017_729e-13,
-            position_m: Vector::new(-6_018_835.449_219, -9_376_655.761_719, 22_961_872.070_31),
-            velocity_mps: Vector::new(2_992.804_527_283, -952.021_598_815_9, 394.248_962_402_3),
-            acceleration_mps2: Vector::new(
-                -9.313_225_746_155e-7,
-                1.862_645_149_231e-6,
-                -1.862_645_149_231e-6,
-            ),
-            channel: 1,
-            l2_delay_s: None,
-            health: 0,
-            accuracy_m: 5.0,
-        }
-    }
 
     /// Positions that RTKLIB 2.4.3 (`geph2pos`, pyrtklib 0.2.7) computes from the same record; it
     /// takes steps of 60 s and GM = 3.9860044e14, which makes 0.9 mm in 850 s.
     #[test]
     fn as_rtklib_computes_it() {
-        let ephemeris = GlonassEphemeris::new(r05()).unwrap();
+        let ephemeris = GlonassEphemeris::new(glonass()).unwrap();
         let cases = [
             (
                 850.0,
@@ -218,7 +196,7 @@ mod tests {
             ),
         ];
         for (age_s, [x, y, z], clock_s) in cases {
-            let state = ephemeris.state(r05().reference_time + age_s).unwrap();
+            let state = ephemeris.state(glonass().reference_time + age_s).unwrap();
             let apart_m = (state.position_m - Vector::new(x, y, z)).norm();
             assert!(apart_m < 2e-3, "{age_s} s: {apart_m} m");
             assert!((state.clock_s - clock_s).abs() < 1e-13, "{}", state.clock_s);
@@ -227,9 +205,9 @@ mod tests {
 
     #[test]
     fn velocity_is_the_rate_of_position() {
-        let ephemeris = GlonassEphemeris::new(r05()).unwrap();
+        let ephemeris = GlonassEphemeris::new(glonass()).unwrap();
         for age_s in [-1800.0, -61.0, 0.0, 30.0, 899.0, 1800.0] {
-            let time = r05().reference_time + age_s;
+            let time = glonass().reference_time + age_s;
             let at = |offset_s: f64| ephemeris.state(time + offset_s).unwrap();
             let difference = at(0.5).position_m - at(-0.5).position_m;
             let apart = (difference - at(0.0).velocity_mps).norm();
@@ -240,7 +218,7 @@ mod tests {
     /// The constant of the step length: sixty times more steps move nothing that matters.
     #[test]
     fn the_step_is_short_enough() {
-        let ephemeris = GlonassEphemeris::new(r05()).unwrap();
+        let ephemeris = GlonassEphemeris::new(glonass()).unwrap();
         let start = ephemeris.integrate(0.0);
         let fine = (0..1800).fold(start, |orbit, _| ephemeris.runge_kutta_step(&orbit, 1.0));
         let apart = (fine - ephemeris.integrate(1800.0)).fixed_rows::<3>(0).norm();
@@ -250,7 +228,7 @@ mod tests {
     #[test]
     fn hostile_records_are_refused() {
         let refuse = |change: fn(&mut GlonassElements)| {
-            let mut elements = r05();
+            let mut elements = glonass();
             change(&mut elements);
             GlonassEphemeris::new(elements).unwrap_err().field
         };
@@ -263,9 +241,9 @@ mod tests {
 
     #[test]
     fn the_integration_is_bounded() {
-        let ephemeris = GlonassEphemeris::new(r05()).unwrap();
-        assert!(ephemeris.state(r05().reference_time + 7200.0).is_some());
-        assert!(ephemeris.state(r05().reference_time + 7201.0).is_none());
+        let ephemeris = GlonassEphemeris::new(glonass()).unwrap();
+        assert!(ephemeris.state(glonass().reference_time + 7200.0).is_some());
+        assert!(ephemeris.state(glonass().reference_time + 7201.0).is_none());
         assert!(ephemeris.state(GpsTime::from_nanoseconds(i64::MAX)).is_none());
     }
 }

@@ -1,7 +1,12 @@
 //! Delays between the signals of one satellite, as its message gives them.
 
 use super::kepler::{KeplerElements, Message};
-use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Signal};
+use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Signal, System};
+
+/// Bits of the health of QZSS.
+const QZSS_L1: u16 = 32;
+const QZSS_L1_CA: u16 = 16;
+const QZSS_L1_CB: u16 = 1;
 
 impl KeplerElements {
     /// How much longer the pseudorange of `signal` is than that of the combination to which the
@@ -40,10 +45,22 @@ impl KeplerElements {
     /// Whether the satellite's health word admits `signal`.
     ///
     /// Galileo tells the data validity and signal health of E1-B, E5a and E5b separately (bits 0 to
-    /// 8 of the RINEX word); the other messages speak of the satellite as a whole. The lowest bit of
-    /// QZSS is about L1 C/A alone.
+    /// 8 of the RINEX word). QZSS has a bit for each of L1 (32), L1 C/A (16), L2C (8), L5 (4), L1C (2)
+    /// and L1 C/B (1): a satellite sends one of C/A and C/B, and the bit of the other one is set
+    /// (IS-QZSS-PNT-005, 4.1.2.3). The other messages speak of the satellite as a whole.
     #[must_use]
-    pub const fn is_healthy(&self, signal: Signal) -> bool {
+    pub fn is_healthy(&self, signal: Signal) -> bool {
+        if self.satellite.system == System::Qzss {
+            let own = match (signal.band.digit, signal.attribute) {
+                (1, b'C') => QZSS_L1_CA,
+                (1, b'E') => QZSS_L1_CB,
+                (1, _) => 0b10,
+                (2, _) => 0b1000,
+                (5, _) => 0b100,
+                _ => 0,
+            };
+            return self.is_usable() && self.health & own == 0;
+        }
         match (self.message, signal.band.digit) {
             (Message::GalileoInav | Message::GalileoFnav, 1) => self.health & 0b111 == 0,
             (Message::GalileoInav | Message::GalileoFnav, 5) => self.health & 0b11_1000 == 0,
@@ -53,15 +70,38 @@ impl KeplerElements {
     }
 
     /// Whether the orbit and clock may be used at all: the health of the signal that carries the
-    /// message (Galileo: E1 for I/NAV, E5a for F/NAV).
+    /// message (Galileo: E1 for I/NAV, E5a for F/NAV; QZSS: L1 C/A or C/B).
     #[must_use]
-    pub const fn is_usable(&self) -> bool {
+    pub fn is_usable(&self) -> bool {
+        if self.satellite.system == System::Qzss {
+            let neither = QZSS_L1_CA | QZSS_L1_CB;
+            return self.health & QZSS_L1 == 0 && self.health & neither != neither;
+        }
         match self.message {
             Message::GalileoInav => self.health & 0b111 == 0,
             Message::GalileoFnav => self.health & 0b11_1000 == 0,
             _ => self.health == 0,
         }
     }
+}
+
+/// The two signals whose combination without ionosphere has no group delay against the clocks of
+/// precise orbits: the convention of the IGS (GPS, GLONASS: P codes of L1 and L2) and of its
+/// multi-GNSS products (Galileo E1 and E5a, BeiDou B1I and B3I, QZSS L1 and L2).
+///
+/// Source: O. Montenbruck et al., The Multi-GNSS Experiment (MGEX) of the IGS, Advances in Space
+/// Research 59 (2017) 1671-1697.
+#[must_use]
+pub fn precise_clock_signals(system: System) -> Option<[Signal; 2]> {
+    let pair = match system {
+        System::Gps => [(1, b'W'), (2, b'W')],
+        System::Glonass => [(1, b'P'), (2, b'P')],
+        System::Galileo => [(1, b'C'), (5, b'Q')],
+        System::BeiDou => [(2, b'I'), (6, b'I')],
+        System::Qzss => [(1, b'C'), (2, b'L')],
+        System::NavIc | System::Sbas => return None,
+    };
+    Some(pair.map(|(digit, attribute)| Signal::new(system, digit, attribute)))
 }
 
 /// (f₁ / f)² of a band of a system whose first frequency is f₁.
@@ -74,7 +114,6 @@ fn squared_ratio(band: Band) -> Option<f64> {
 mod tests {
     use super::super::sample::{beidou_geo, galileo, gps};
     use super::*;
-    use crate::signal::System;
 
     const C: f64 = SPEED_OF_LIGHT_MPS;
 
@@ -132,6 +171,22 @@ mod tests {
             assert_eq!(elements.group_delay_m(signal), None, "{signal}");
         }
         assert_eq!(gps().group_delay_m(Signal::new(System::Galileo, 1, b'C')), None);
+    }
+
+    /// Since the change of 2023 every satellite that sends L1 C/A says 1: no C/B.
+    #[test]
+    fn qzss_health_is_per_signal() {
+        let [c_a, c_b, l1c, l2c] = [(1, b'C'), (1, b'E'), (1, b'X'), (2, b'L')]
+            .map(|(digit, attribute)| Signal::new(System::Qzss, digit, attribute));
+        let satellite = crate::signal::Satellite::new(System::Qzss, 2);
+        let marked = |health| KeplerElements { satellite, health, ..gps() };
+        let health = |e: KeplerElements| [c_a, c_b, l1c, l2c].map(|signal| e.is_healthy(signal));
+        assert_eq!(health(marked(1)), [true, false, true, true]);
+        assert_eq!(health(marked(16)), [false, true, true, true]);
+        assert_eq!(health(marked(1 + 8)), [true, false, true, false]);
+        assert_eq!(health(marked(32)), [false; 4]);
+        let usable = [0, 1, 16, 17, 32, 63].map(|health| marked(health).is_usable());
+        assert_eq!(usable, [true, true, true, false, false, false]);
     }
 
     #[test]

@@ -17,12 +17,13 @@ mod store;
 mod utc;
 
 pub use glonass::{GlonassElements, GlonassEphemeris};
+pub use group_delay::precise_clock_signals;
 pub use kepler::{BadEphemeris, KeplerElements, KeplerEphemeris, Message};
 pub use navigation_data::{
     IonosphereParameters, Klobuchar, NavigationData, SystemTimeOffset, UtcParameters,
 };
 pub use precise::{PreciseNode, PreciseOrbits};
-pub use store::{Ephemeris, EphemerisStore, GalileoPreference, NoEphemeris};
+pub use store::{Ephemeris, EphemerisStore, GalileoPreference, NoEphemeris, Transmission};
 
 use crate::frames::{Ecef, Vector};
 

@@ -45,7 +45,8 @@ pub struct PreciseOrbits {
 }
 
 impl PreciseOrbits {
-    /// Adds a node; one of the same satellite and time is replaced. A node that is not a number or
+    /// Adds a node; one of the same satellite and time is replaced, unless that one has a clock and this
+    /// one has none (the midnight that ends one file and begins the next). A node that is not a number or
     /// not in space (below 6000 km or above 100 000 km from the Earth's centre) is left out.
     pub fn insert(&mut self, satellite: Satellite, node: PreciseNode) {
         let in_space = (6e6..1e8).contains(&node.position_m.norm());
@@ -56,6 +57,7 @@ impl PreciseOrbits {
         }
         let nodes = self.satellites.entry(satellite).or_default();
         match nodes.binary_search_by_key(&node.time, |known| known.time) {
+            Ok(at) if nodes[at].clock_s.is_some() && node.clock_s.is_none() => {}
             Ok(at) => nodes[at] = node,
             Err(at) => nodes.insert(at, node),
         }
@@ -222,6 +224,21 @@ mod tests {
         gapped.satellites.get_mut(&satellite).unwrap().remove(12);
         assert!(orbits.state(satellite, time).is_some());
         assert!(gapped.state(satellite, time).is_none());
+    }
+
+    /// Two files meet at node 12; the end of the first one has no clocks.
+    #[test]
+    fn a_clock_of_another_file_stays() {
+        let (orbits, _) = nodes(gps());
+        let satellite = gps().satellite;
+        let all = orbits.satellites[&satellite].clone();
+        let mut first = all[..=12].to_vec();
+        first[12].clock_s = None;
+        for order in [[&first[..], &all[12..]], [&all[12..], &first[..]]] {
+            let mut together = PreciseOrbits::default();
+            order.into_iter().flatten().for_each(|node| together.insert(satellite, *node));
+            assert_eq!(together, orbits);
+        }
     }
 
     #[test]

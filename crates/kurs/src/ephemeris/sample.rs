@@ -1,6 +1,8 @@
 //! Records of 2020-06-25, received by station MOJN, for the tests of this module.
 
+use super::glonass::GlonassElements;
 use super::kepler::{KeplerElements, Message};
+use crate::frames::Vector;
 use crate::signal::{Satellite, System};
 use crate::time::GpsTime;
 
@@ -97,5 +99,28 @@ pub(super) fn galileo() -> KeplerElements {
         health: 0,
         accuracy_m: 3.12,
         fit_interval_s: None,
+    }
+}
+
+/// R05, 04:45 UTC.
+pub(super) fn glonass() -> GlonassElements {
+    let reference_time = GpsTime::from_week_tow(2111, 362_718.0).unwrap();
+    GlonassElements {
+        satellite: Satellite::new(System::Glonass, 5),
+        reference_time,
+        transmission_time: reference_time,
+        clock_bias_s: 5.293_264_985_085e-5,
+        clock_drift: 9.094_947_017_729e-13,
+        position_m: Vector::new(-6_018_835.449_219, -9_376_655.761_719, 22_961_872.070_31),
+        velocity_mps: Vector::new(2_992.804_527_283, -952.021_598_815_9, 394.248_962_402_3),
+        acceleration_mps2: Vector::new(
+            -9.313_225_746_155e-7,
+            1.862_645_149_231e-6,
+            -1.862_645_149_231e-6,
+        ),
+        channel: 1,
+        l2_delay_s: None,
+        health: 0,
+        accuracy_m: 5.0,
     }
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use super::SatelliteState;
 use super::glonass::GlonassEphemeris;
+use super::group_delay::precise_clock_signals;
 use super::kepler::{KeplerEphemeris, Message};
 use super::precise::{PreciseNode, PreciseOrbits};
 use crate::signal::{Satellite, Signal, System};
@@ -49,6 +50,42 @@ pub struct EphemerisStore {
     records: BTreeMap<Key, Ephemeris>,
     precise: PreciseOrbits,
     galileo: GalileoPreference,
+    /// What observation files tell of GLONASS, by number.
+    glonass_channels: BTreeMap<u8, i8>,
+}
+
+/// A satellite when it sends, and what its pseudoranges have to be corrected by.
+#[derive(Debug, Clone, Copy)]
+pub struct Transmission<'a> {
+    /// Position, velocity and clock.
+    pub state: SatelliteState,
+    /// Whether the state is that of a precise orbit.
+    pub is_precise: bool,
+    broadcast: Option<&'a Ephemeris>,
+}
+
+impl Transmission<'_> {
+    /// Whether the broadcast record, if there is one, admits `signal`.
+    #[must_use]
+    pub fn is_healthy(&self, signal: Signal) -> bool {
+        self.broadcast.is_none_or(|record| record.is_healthy(signal))
+    }
+
+    /// Group delay of a signal in metres against the clock of `state`, to be subtracted from its
+    /// pseudorange; `None` if the broadcast record does not tell, or there is none.
+    ///
+    /// The clocks of precise orbits refer to two bands without ionosphere
+    /// ([`precise_clock_signals`]), those of BeiDou's messages for example to B3I: the record
+    /// tells by how much the two differ (14 m from one BeiDou satellite to the next, RMS).
+    #[must_use]
+    pub fn group_delay_m(&self, signal: Signal) -> Option<f64> {
+        let record = self.broadcast?;
+        let delay_m = record.group_delay_m(signal)?;
+        match self.is_precise {
+            false => Some(delay_m),
+            true => Some(delay_m - record.precise_clock_delay_m()?),
+        }
+    }
 }
 
 /// Satellite, message, reference time, transmission time: the order of search.
@@ -88,7 +125,7 @@ impl Ephemeris {
 
     /// Whether the satellite may be used at all.
     #[must_use]
-    pub const fn is_usable(&self) -> bool {
+    pub fn is_usable(&self) -> bool {
         match self {
             Self::Kepler(kepler) => kepler.elements().is_usable(),
             Self::Glonass(glonass) => glonass.elements().health == 0,
@@ -97,7 +134,7 @@ impl Ephemeris {
 
     /// Whether the record admits `signal`.
     #[must_use]
-    pub const fn is_healthy(&self, signal: Signal) -> bool {
+    pub fn is_healthy(&self, signal: Signal) -> bool {
         match self {
             Self::Kepler(kepler) => kepler.elements().is_healthy(signal),
             Self::Glonass(glonass) => glonass.elements().health == 0,
@@ -112,6 +149,18 @@ impl Ephemeris {
             Self::Kepler(kepler) => kepler.elements().group_delay_m(signal),
             Self::Glonass(glonass) => glonass.elements().group_delay_m(signal),
         }
+    }
+
+    /// Group delay of the combination to which clocks of precise orbits refer, m:
+    /// `(f₁² d₁ − f₂² d₂) / (f₁² − f₂²)`; `None` if the record does not tell.
+    fn precise_clock_delay_m(&self) -> Option<f64> {
+        let pair = precise_clock_signals(self.satellite().system)?;
+        let [Some(d_1), Some(d_2)] = pair.map(|signal| self.group_delay_m(signal)) else {
+            return None;
+        };
+        // Of GLONASS the ratio of the two is the same for all channels.
+        let [f_1, f_2] = pair.map(|signal| signal.band.frequency_hz(Some(0)).unwrap_or_default());
+        Some((f_1 * f_1 * d_1 - f_2 * f_2 * d_2) / (f_1 * f_1 - f_2 * f_2))
     }
 
     /// From when to when the record may be used, in seconds from its reference time.
@@ -226,8 +275,8 @@ impl EphemerisStore {
     }
 
     /// State of `satellite` when it sends, at the instant at which *its own clock* reads
-    /// `by_satellite_clock` (a receiver's time tag minus pseudorange over c), and the broadcast
-    /// record for that instant if there is one: [`EphemerisStore::state`] with one look-up.
+    /// `by_satellite_clock` (a receiver's time tag minus pseudorange over c), and the group delays
+    /// of the broadcast record for that instant: [`EphemerisStore::state`] with one look-up.
     ///
     /// # Errors
     ///
@@ -236,17 +285,18 @@ impl EphemerisStore {
         &self,
         satellite: Satellite,
         by_satellite_clock: GpsTime,
-    ) -> Result<(SatelliteState, Option<&Ephemeris>), NoEphemeris> {
+    ) -> Result<Transmission<'_>, NoEphemeris> {
         let broadcast = self.choose(satellite, by_satellite_clock);
-        let state = |time| {
-            let precise = self.precise.state(satellite, time);
-            precise.or_else(|| broadcast.ok().and_then(|record| record.state(time)))
+        let state = |time| match self.precise.state(satellite, time) {
+            Some(state) => Some((state, true)),
+            None => Some((broadcast.ok()?.state(time)?, false)),
         };
         let too_old = NoEphemeris::TooOld(satellite, by_satellite_clock);
         let refusal = broadcast.err().unwrap_or(too_old);
-        let near = state(by_satellite_clock).ok_or(refusal)?;
+        let (near, _) = state(by_satellite_clock).ok_or(refusal)?;
         let at_transmission = state(by_satellite_clock + -near.clock_s).ok_or(refusal)?;
-        Ok((at_transmission, broadcast.ok()))
+        let (state, is_precise) = at_transmission;
+        Ok(Transmission { state, is_precise, broadcast: broadcast.ok() })
     }
 
     /// Group delay of a signal in metres, to be subtracted from its pseudorange, by the broadcast
@@ -261,15 +311,22 @@ impl EphemerisStore {
         self.select(satellite, time)?.group_delay_m(signal)
     }
 
-    /// Frequency channel of a GLONASS satellite, by its last record.
+    /// Notes what an observation file tells: the frequency channel of the GLONASS satellite with
+    /// this number. Where satellites have broadcast records, these count.
+    pub fn insert_glonass_channel(&mut self, number: u8, channel: i8) {
+        self.glonass_channels.insert(number, channel);
+    }
+
+    /// Frequency channel of a GLONASS satellite, by its last record, else as an observation file
+    /// tells.
     #[must_use]
     pub fn glonass_channel(&self, satellite: Satellite) -> Option<i8> {
         if satellite.system != System::Glonass {
             return None;
         }
-        match self.around(satellite, Message::GlonassFdma, END_OF_TIME)[0]? {
-            Ephemeris::Glonass(glonass) => Some(glonass.elements().channel),
-            Ephemeris::Kepler(_) => None,
+        match self.around(satellite, Message::GlonassFdma, END_OF_TIME)[0] {
+            Some(Ephemeris::Glonass(glonass)) => Some(glonass.elements().channel),
+            _ => self.glonass_channels.get(&satellite.number).copied(),
         }
     }
 
@@ -337,7 +394,7 @@ impl EphemerisStore {
 #[cfg(test)]
 mod tests {
     use super::super::kepler::KeplerElements;
-    use super::super::sample::{beidou_geo, galileo, gps};
+    use super::super::sample::{beidou_geo, galileo, glonass, gps};
     use super::*;
 
     fn record(elements: KeplerElements) -> Ephemeris {
@@ -439,6 +496,53 @@ mod tests {
         assert_eq!(issue(store.select(galileo().satellite, time + 5500.0)), Some(9));
         store.galileo = GalileoPreference::Fnav;
         assert_eq!(issue(store.select(galileo().satellite, time)), Some(7));
+    }
+
+    /// Against a precise clock the two signals that it refers to have no group delay together, and
+    /// the difference of two signals is the same as against the broadcast clock.
+    #[test]
+    fn group_delays_against_a_precise_clock() {
+        for (elements, [first, second]) in [beidou_geo(), galileo(), gps()]
+            .map(|e| (e, precise_clock_signals(e.satellite.system).unwrap()))
+        {
+            let (satellite, toe) = (elements.satellite, elements.reference_time);
+            let mut store = store(&[elements]);
+            let sent = |store: &EphemerisStore| {
+                let sent = store.at_transmission(satellite, toe + 450.0).unwrap();
+                let delay = [first, second].map(|signal| sent.group_delay_m(signal).unwrap());
+                (sent.is_precise, delay)
+            };
+            let (is_precise, [d_1, d_2]) = sent(&store);
+            assert!(!is_precise);
+            for i in -10..10 {
+                let time = toe + 900.0 * f64::from(i);
+                let position_m = record(elements).state(time).unwrap().position_m;
+                let node = PreciseNode {
+                    time,
+                    position_m,
+                    clock_s: Some(0.0),
+                    clock_event: false,
+                    sigma_m: 0.1,
+                };
+                store.insert_precise(satellite, node);
+            }
+            let (is_precise, [p_1, p_2]) = sent(&store);
+            assert!(is_precise);
+            let gamma = [first, second].map(|s| s.band.frequency_hz(None).unwrap().powi(2));
+            assert!((gamma[0] * p_1 - gamma[1] * p_2).abs() < 1e-9 * gamma[0], "{satellite}");
+            assert!(((p_1 - p_2) - (d_1 - d_2)).abs() < 1e-9, "{satellite}");
+        }
+    }
+
+    #[test]
+    fn glonass_channels_of_observation_files_serve_where_no_record_does() {
+        let mut store = store(&[gps()]);
+        let [r05, r06] = [5, 6].map(|number| Satellite::new(System::Glonass, number));
+        store.insert_glonass_channel(5, -4);
+        assert_eq!([r05, r06].map(|s| store.glonass_channel(s)), [Some(-4), None]);
+        assert_eq!(store.glonass_channel(Satellite::new(System::Gps, 5)), None);
+        store.insert(Ephemeris::Glonass(GlonassEphemeris::new(glonass()).unwrap()));
+        assert_eq!(store.glonass_channel(r05), Some(1));
     }
 
     #[test]

@@ -449,7 +449,8 @@ impl Surroundings {
     ///
     /// `P₁ = r + I + e₁`, `P₂ = r + γ I + e₂` with `γ = (f₁ / f₂)²`, and the model's `I` (m, on the
     /// first band) as an observation that is good to its own size (its errors are alike for all
-    /// satellites, so it must not outweigh what the second band measures).
+    /// satellites, so it must not outweigh what the second band measures). Group delays that nobody
+    /// tells are in `I` too.
     fn range(
         &self,
         satellite: &Tracked,
@@ -462,7 +463,8 @@ impl Surroundings {
         };
         let first = &satellite.code;
         let w1 = weight(first);
-        let w_model = modelled_m.max(LEAST_IONOSPHERE_SD_M).powi(-2);
+        let model_m2 = modelled_m.max(LEAST_IONOSPHERE_SD_M).powi(2);
+        let w_model = 1.0 / (model_m2 + satellite.delay_sd_m.powi(2));
         let (p2, w2, gamma) = satellite.second.as_ref().map_or((0.0, 0.0, 1.0), |second| {
             let gamma = (first.frequency_hz / second.frequency_hz).powi(2);
             (second.pseudorange_m, weight(second), gamma)

@@ -1,6 +1,6 @@
 //! The satellites of one antenna's epoch, each with its state at the instant of transmission.
 
-use crate::ephemeris::{NavigationData, SatelliteState};
+use crate::ephemeris::{NavigationData, SatelliteState, Transmission, precise_clock_signals};
 use crate::observation::{AntennaEpoch, Observation};
 use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, System};
 
@@ -11,10 +11,14 @@ pub struct Tracked {
     pub satellite: Satellite,
     /// Its state when it sent what the antenna now receives.
     pub state: SatelliteState,
-    /// The code observation of its lowest band, free of group delay.
+    /// The code observation of its lowest band whose group delay is known, free of it; of the lowest
+    /// band if none is.
     pub code: Code,
     /// That of a second band, whose difference tells the ionosphere.
     pub second: Option<Code>,
+    /// How well the group delays of its codes are known, m: zero if the broadcast record tells
+    /// them, else their spread from one satellite of the system to the next.
+    pub delay_sd_m: f64,
     /// Range rate from a Doppler shift, −λ D, m/s.
     pub range_rate_mps: Option<f64>,
 }
@@ -83,9 +87,8 @@ fn tracked_satellite(
     let ranging = observations.iter().filter(|o| plausible_range(o).is_some());
     let first = ranging.clone().min_by_key(|o| o.signal.band.digit)?;
     let by_satellite_clock = epoch.time + -plausible_range(first)? / SPEED_OF_LIGHT_MPS;
-    let (state, broadcast) = store.at_transmission(satellite, by_satellite_clock).ok()?;
+    let sent = store.at_transmission(satellite, by_satellite_clock).ok()?;
 
-    let group_delay_m = |signal| broadcast.and_then(|record| record.group_delay_m(signal));
     let code = |observation: &Observation, delay_m: f64| {
         Some(Code {
             pseudorange_m: plausible_range(observation)? - delay_m,
@@ -94,15 +97,41 @@ fn tracked_satellite(
             cn0_dbhz: observation.cn0_dbhz,
         })
     };
-    let lowest = code(first, group_delay_m(first.signal).unwrap_or(0.0))?;
-    // A second band serves only if its delay against the first is known.
-    let second = group_delay_m(first.signal).and_then(|_| {
-        let others = ranging.filter(|o| o.signal.band != first.signal.band);
-        let known = others.filter_map(|o| code(o, group_delay_m(o.signal)?));
-        known.min_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz))
-    });
+    let healthy = ranging.clone().filter(|o| sent.is_healthy(o.signal));
+    let known = healthy.filter_map(|o| code(o, sent.group_delay_m(o.signal)?));
+    let (lowest, second, delay_sd_m) = match known.clone().min_by_key(|code| code.band.digit) {
+        Some(lowest) => {
+            let others = known.filter(|code| code.band != lowest.band);
+            (lowest, others.min_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz)), 0.0)
+        }
+        None => {
+            let of_clock = |place| ranging.clone().find(|o| is_of_clock(&sent, o, place));
+            let (lowest, second) = match (of_clock(0), of_clock(1)) {
+                (Some(one), Some(other)) => (one, Some(other)),
+                _ => (first, None),
+            };
+            let second = second.and_then(|observation| code(observation, 0.0));
+            (code(lowest, 0.0)?, second, unknown_delay_sd_m(satellite.system))
+        }
+    };
     let range_rate_mps = observations
         .iter()
         .find_map(|o| Some(-o.doppler_hz? * o.signal.band.wavelength_m(channel)?));
-    Some(Tracked { satellite, state, code: lowest, second, range_rate_mps })
+    Some(Tracked { satellite, state: sent.state, code: lowest, second, delay_sd_m, range_rate_mps })
+}
+
+/// Whether the observation is on the first or second band of the combination that the clock of a
+/// precise orbit refers to. The group delays of these two act like an ionosphere, and go with it.
+fn is_of_clock(sent: &Transmission<'_>, observation: &Observation, place: usize) -> bool {
+    let pair = precise_clock_signals(observation.satellite.system);
+    sent.is_precise && pair.is_some_and(|pair| pair[place].band == observation.signal.band)
+}
+
+/// How much group delays differ from satellite to satellite, m: RMS of the broadcast ones of
+/// 2023-03-12, on the lowest band (GPS 2.1, Galileo 1.4, BeiDou 9.3 against a precise clock).
+const fn unknown_delay_sd_m(system: System) -> f64 {
+    match system {
+        System::BeiDou => 9.0,
+        _ => 2.0,
+    }
 }
