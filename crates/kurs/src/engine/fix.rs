@@ -116,9 +116,9 @@ pub(super) struct Part {
 }
 
 /// The best integers and how they stand against the others.
-struct Found {
+pub(super) struct Found {
     /// In the order of the float solution's ambiguities, cycles.
-    integers: Vec<f64>,
+    pub(super) integers: Vec<f64>,
     /// Second-best over best cost.
     ratio: f64,
     /// Probability of the other candidates over that of the best.
@@ -299,7 +299,7 @@ impl Fixer {
     }
 
     /// All baselines together, as the known array turned by one rotation.
-    fn with_array(
+    pub(super) fn with_array(
         &mut self,
         float: &FloatSolution,
         frame: &CommonFrame,
@@ -489,7 +489,7 @@ fn reason(error: AmbiguityError) -> Reason {
 
 impl Outcome {
     /// The float solution, as long as nothing better is known.
-    fn float(float: &FloatSolution, frame: &CommonFrame) -> Self {
+    pub(super) fn float(float: &FloatSolution, frame: &CommonFrame) -> Self {
         Self {
             verdict: Verdict::Float(Reason::NoPhase),
             success_rate: None,
@@ -509,7 +509,7 @@ impl Outcome {
 
     /// Accepts the integers if the others are improbable enough and all checks hold; returns how
     /// well the phases fit.
-    fn judge(
+    pub(super) fn judge(
         &mut self,
         found: &Found,
         float: &FloatSolution,

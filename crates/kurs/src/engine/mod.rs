@@ -6,9 +6,11 @@ mod locate;
 mod misfit;
 mod noise_scale;
 mod orientation;
+mod predicted_attitude;
 mod settings;
 mod station;
 
+pub use predicted_attitude::PredictedAttitude;
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use core::ops::Range;
@@ -24,12 +26,15 @@ use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use crate::solution::{
+    AttitudeEstimate, EpochSolution, PositionEstimate, PredictionRole, Reason, Status,
+};
 use crate::time::GpsTime;
 use channel_bias::ChannelBiases;
 use fix::{Fixer, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
+use predicted_attitude::PredictedBaselines;
 use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
@@ -49,6 +54,8 @@ pub struct Engine {
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
     ned_from_body: Option<Rotation<Ned, Body>>,
+    /// For the epoch in hand.
+    predicted: Option<PredictedAttitude>,
     station: Option<Box<Station>>,
 }
 
@@ -77,6 +84,7 @@ impl Engine {
             mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
+            predicted: None,
             station: None,
         })
     }
@@ -106,6 +114,18 @@ impl Engine {
 
     /// Attitude, baselines and position of one epoch.
     pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
+        self.push_predicted(epoch, None)
+    }
+
+    /// The same of an epoch whose attitude is predicted: with a known array, the prediction decides
+    /// between integers that the epoch alone is not sure of, and a fix that contradicts it is refused
+    /// ([`EpochSolution::prediction`]). It does not enter the attitude.
+    pub fn push_predicted(
+        &mut self,
+        epoch: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+    ) -> EpochSolution {
+        self.predicted = predicted.copied();
         self.follow_phases(epoch);
         locate(epoch, &self.navigation, &self.settings, &mut self.located);
         let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
@@ -121,8 +141,7 @@ impl Engine {
         }
         // What unlike receivers have a bias for can be what spoils the fix. (Ambiguities that are carried
         // on must take each epoch in once only.)
-        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
-        if row.status != Status::Fixed && self.carried.is_none() && may_be_unlike {
+        if row.status != Status::Fixed && self.tries_without_unlike() {
             let mut without = alone;
             let done = self.relative(epoch, &mut without, true);
             if done.is_ok() && without.status == Status::Fixed {
@@ -200,6 +219,7 @@ impl Engine {
         let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
         let rate = self.settings.max_wrong_fix_rate;
+        let last_try = leave_out_unknown || !self.tries_without_unlike();
         let mut outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings, rate);
         if anew {
             outcome.verdict = outcome.verdict.after_many_slips();
@@ -210,6 +230,15 @@ impl Engine {
                 (self.links, groups) = (part.links, part.groups);
                 (float, outcome) = (part.float, part.outcome);
             }
+        }
+        let predicted = self.predicted_baselines(&float, &frame);
+        let mut decided = false;
+        if let Some(predicted) = predicted.as_ref().filter(|p| p.may_decide && last_try)
+            && matches!(outcome.verdict, Verdict::Float(_))
+        {
+            let helped = self.fixer.fix_with_prediction(predicted, &float, &frame, &self.settings);
+            decided = helped.is_some();
+            outcome = helped.unwrap_or(outcome);
         }
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
@@ -238,6 +267,15 @@ impl Engine {
             self.mean_misfit.take(misfit, epoch.time);
         }
         (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
+        row.prediction = match predicted.filter(|_| row.status == Status::Fixed) {
+            None => None,
+            Some(predicted) if predicted.contradict(&outcome.baselines) => {
+                (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Residuals));
+                Some(PredictionRole::Refused)
+            }
+            Some(_) if decided => Some(PredictionRole::Decided),
+            Some(_) => Some(PredictionRole::Agreed),
+        };
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.attitude.ok();
         if row.status == Status::Fixed {
@@ -277,6 +315,22 @@ impl Engine {
                 }
             }
         }
+    }
+
+    /// What the predicted attitude says of the baselines.
+    fn predicted_baselines(
+        &self,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<PredictedBaselines> {
+        self.predicted.as_ref()?.baselines(float, &frame.horizon, &self.settings)
+    }
+
+    /// Whether an epoch that is not fixed is tried once more without what unlike receivers have a bias
+    /// for.
+    fn tries_without_unlike(&self) -> bool {
+        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
+        self.carried.is_none() && may_be_unlike
     }
 
     /// Whether geostationary satellites of BeiDou take part: some receivers have their phases a part
