@@ -24,23 +24,23 @@ const DEGREE_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 pub(crate) enum Case {
     /// Two antennas a metre apart, GPS L1 of six satellites.
     SixSatellites,
-    /// The same of five.
-    FiveSatellites,
+    /// The same of seven.
+    SevenSatellites,
     /// The car between houses, four antennas, L1 and E1, reflections.
     Urban,
     /// A car with three antennas, GPS and Galileo on L1, that loses all satellites from 60 s to 70 s and
-    /// has half of those of GPS back for 20 s.
+    /// has two thirds of those of GPS back for 20 s.
     Outage,
 }
 
 impl Case {
     pub(crate) const ALL: [Self; 4] =
-        [Self::SixSatellites, Self::FiveSatellites, Self::Urban, Self::Outage];
+        [Self::SixSatellites, Self::SevenSatellites, Self::Urban, Self::Outage];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::SixSatellites => "two antennas, six satellites, G1",
-            Self::FiveSatellites => "two antennas, five satellites, G1",
+            Self::SevenSatellites => "two antennas, seven satellites, G1",
             Self::Urban => "urban, G1 and E1",
             Self::Outage => "three antennas, outage, G1 and E1",
         }
@@ -49,7 +49,7 @@ impl Case {
     /// The scenario with a gyro of 10°/h and 0.1°/√h.
     pub(crate) fn scenario(self, seed: u64) -> Scenario {
         let (name, systems): (_, &[&str]) = match self {
-            Self::SixSatellites | Self::FiveSatellites => ("few-satellites", &["G"]),
+            Self::SixSatellites | Self::SevenSatellites => ("few-satellites", &["G"]),
             Self::Urban => ("urban", &["G", "E"]),
             Self::Outage => ("car", &["G", "E"]),
         };
@@ -67,15 +67,15 @@ impl Case {
         });
         match self {
             Self::SixSatellites => scenario.sky.max_satellites = Some(6),
-            Self::FiveSatellites => scenario.sky.max_satellites = Some(5),
+            Self::SevenSatellites => scenario.sky.max_satellites = Some(7),
             Self::Urban => {}
             Self::Outage => {
                 scenario.body[0].antenna.truncate(3);
                 let gone = (1..=36).map(|n| format!("E{n:02}"));
-                let halved = (1..=32).step_by(2).map(|n| format!("G{n:02}"));
+                let a_third = (1..=32).step_by(3).map(|n| format!("G{n:02}"));
                 scenario.outage = vec![
                     outage(OUTAGE_ENDS_S - 10.0, OUTAGE_ENDS_S, Vec::new()),
-                    outage(OUTAGE_ENDS_S, OUTAGE_ENDS_S + 20.0, gone.chain(halved).collect()),
+                    outage(OUTAGE_ENDS_S, OUTAGE_ENDS_S + 20.0, gone.chain(a_third).collect()),
                 ];
             }
         }

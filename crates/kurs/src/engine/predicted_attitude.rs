@@ -11,7 +11,7 @@
 //! them as new.
 //!
 //! A wrong prediction must not make wrong fixes. So the integers that it points at have to be plausible
-//! without it, and the model so strong that next to a wrong prediction hardly any integers would be.
+//! with it and without it, and the model so strong that beside a wrong prediction hardly any would be.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -34,9 +34,10 @@ const MAX_SD_RAD: f64 = 0.26;
 const LEAST_PROBABLE: f64 = 5.7e-7;
 /// Integers that fit code and phases worse than this probability are not believed, whatever is
 /// predicted.
-const LEAST_PLAUSIBLE: f64 = 1e-4;
-/// The same in sigmas of a single value: how far the integers that pass may lie from the float ones.
-const PLAUSIBLE_SIGMAS: f64 = 3.7;
+const LEAST_PLAUSIBLE_ALONE: f64 = 1e-4;
+/// The same of integers beside the predicted baselines; and in sigmas of a single value.
+const LEAST_PLAUSIBLE: f64 = 0.01;
+const PLAUSIBLE_SIGMAS: f64 = 2.326;
 /// Least standard deviation of the surveyed positions that is reckoned with here, m.
 const LEAST_ARRAY_SD_M: f64 = 0.001;
 /// Components of the baselines that a turn of the body changes by less than this share of the largest
@@ -130,18 +131,11 @@ impl PredictedBaselines {
         float.informed(&self.directions, &measured_m, &covariance_m2)
     }
 
-    /// How many integer vectors would fit by chance if the prediction were wrong: where the fractions of
-    /// the float ambiguities mean nothing, the volume in cycles of all that would be plausible,
-    ///
-    /// `ω_n ρⁿ √|Q_a|`,   `Q_a` given the predicted baselines, `ω_n` volume of the unit ball
-    fn chance_of_a_fit(&self, float: &FloatSolution) -> Option<f64> {
+    /// The float solution with the shape of the array in it too.
+    fn inform_of_all(&self, float: &FloatSolution, frame: &CommonFrame) -> Option<FloatSolution> {
         let all = DMatrix::identity(self.expected_m.len(), self.expected_m.len());
-        let known = float.informed(&all, &self.expected_m, &self.covariance_m2)?;
-        let n = known.ambiguities_cycles.len();
-        // ½ ln|Q_a|
-        let factor = known.ambiguity_covariance.cholesky()?;
-        let log_root: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
-        Some((log_ball(n) + n as f64 * plausible_radius(n).ln() + log_root).exp())
+        let measured_m = &self.expected_m - frame.approximate();
+        float.informed(&all, &measured_m, &self.covariance_m2)
     }
 }
 
@@ -157,27 +151,44 @@ impl Fixer {
     ) -> Option<Outcome> {
         let rate = settings.max_wrong_fix_rate;
         let array = settings.array.as_ref().filter(|_| settings.constraint != Constraint::None)?;
-        if float.ambiguities_cycles.is_empty() || predicted.chance_of_a_fit(float)? > rate {
+        if float.ambiguities_cycles.is_empty() {
+            return None;
+        }
+        let beside = predicted.inform_of_all(float, frame)?;
+        if chance_of_a_fit(&beside)? > rate {
             return None;
         }
         let informed = predicted.inform(float, frame)?;
         let found = self.with_array(&informed, frame, array, settings.array_sd_m).ok()?;
-        if !fits(float, &found.integers) {
+        let alone = probability(float, &found.integers)?;
+        if alone < LEAST_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < LEAST_PLAUSIBLE
+        {
             return None;
         }
         let mut outcome = Outcome::float(float, frame);
-        let phases = outcome.judge(&found, float, frame, settings, rate);
-        let plausible = chi_square_tail(phases.sum, phases.freedom) >= LEAST_PLAUSIBLE;
-        (outcome.verdict == Verdict::Fixed && plausible).then_some(outcome)
+        outcome.judge(&found, float, frame, settings, rate);
+        (outcome.verdict == Verdict::Fixed).then_some(outcome)
     }
 }
 
-/// Whether code and phases, which know nothing of the prediction, may have these integers:
-/// `(â − z)ᵀ Q_â⁻¹ (â − z)` is not improbable.
-fn fits(float: &FloatSolution, integers: &[f64]) -> bool {
+/// How probable it is that the true integers are no nearer to a float solution than these:
+/// `(â − z)ᵀ Q_â⁻¹ (â − z)` is χ².
+fn probability(float: &FloatSolution, integers: &[f64]) -> Option<f64> {
     let off = &float.ambiguities_cycles - DVector::from_column_slice(integers);
-    let Some(factor) = float.ambiguity_covariance.clone().cholesky() else { return false };
-    chi_square_tail(off.dot(&factor.solve(&off)), off.len()) >= LEAST_PLAUSIBLE
+    let factor = float.ambiguity_covariance.clone().cholesky()?;
+    Some(chi_square_tail(off.dot(&factor.solve(&off)), off.len()))
+}
+
+/// How many integer vectors would be plausible by chance beside wrong baselines, where the fractions of
+/// the float ambiguities mean nothing: the volume of those that are, in cycles,
+///
+/// `ω_n ρⁿ √|Q_â|`,   `ω_n` volume of the unit ball
+fn chance_of_a_fit(beside: &FloatSolution) -> Option<f64> {
+    let n = beside.ambiguities_cycles.len();
+    // ½ ln|Q_â|
+    let factor = beside.ambiguity_covariance.clone().cholesky()?;
+    let log_root: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+    Some((log_ball(n) + n as f64 * plausible_radius(n).ln() + log_root).exp())
 }
 
 /// Root of the χ² with `n` degrees of freedom that is exceeded with [`LEAST_PLAUSIBLE`] (Wilson and

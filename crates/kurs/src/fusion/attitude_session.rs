@@ -33,7 +33,7 @@ const STEP_SHARE: f64 = 0.05;
 const LOCKED_OUT_EPOCHS: usize = 20;
 /// So many fixes that the antennas found by themselves must have agreed with the prediction, the last one
 /// among them, before it may decide on integers: a filter that began at a wrong fix must not make more.
-const CONFIRMING_FIXES: usize = 10;
+const CONFIRMING_FIXES: usize = 5;
 /// Variance of an angle that was not measured, rad²: further off than any angle can be.
 const UNMEASURED: f64 = 100.0;
 
@@ -134,6 +134,8 @@ pub struct AttitudeSession {
     last_sample: Option<(f64, ImuSample)>,
     last_used_s: f64,
     locked_out_epochs: usize,
+    /// Whether the filter began at a fix.
+    began_at_fix: bool,
     /// Fixes without help that agreed with the prediction, since one did not.
     confirming_fixes: usize,
     health: CoastingHealth,
@@ -160,6 +162,7 @@ impl AttitudeSession {
             last_sample: None,
             last_used_s: f64::NEG_INFINITY,
             locked_out_epochs: 0,
+            began_at_fix: false,
             confirming_fixes: 0,
             health: CoastingHealth::default(),
             events: Vec::new(),
@@ -211,7 +214,7 @@ impl AttitudeSession {
     }
 
     /// The attitude at an epoch with this tag, from the rows and samples that have left the window and
-    /// the samples that still wait; `None` while no filter runs.
+    /// the samples that still wait; `None` while no filter runs that began at a fix.
     #[must_use]
     pub fn predict(
         &mut self,
@@ -219,7 +222,7 @@ impl AttitudeSession {
         next: Option<(f64, ImuSample)>,
     ) -> Option<PredictedAttitude> {
         let time_s = self.seconds(tag) - self.clock_m / SPEED_OF_LIGHT_MPS;
-        let mut filter = self.filter.clone()?;
+        let mut filter = self.filter.clone().filter(|_| self.began_at_fix)?;
         let mut last = self.last_sample;
         let waiting = self.order.waiting().filter_map(|(at_s, input)| match input {
             Input::Sample(sample) => Some((at_s, *sample)),
@@ -345,6 +348,11 @@ impl AttitudeSession {
         if let Some(position) = &row.position {
             self.place = Some(position.geodetic);
         }
+        // The errors of code attitudes are no small turns: the first fix begins anew.
+        if self.angles(&row).is_some() && row.status == Status::Fixed && !self.began_at_fix {
+            self.filter = None;
+            self.smooth();
+        }
         let Some(mut filter) = self.filter.take() else { return self.start_or_pass(time_s, row) };
         if let Some(place) = &self.place {
             filter.move_to(place);
@@ -421,6 +429,7 @@ impl AttitudeSession {
         let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
         self.filter = Some(filter);
         self.last_used_s = time_s;
+        self.began_at_fix = made.solution.status == Status::Fixed;
         (self.locked_out_epochs, self.confirming_fixes) = (0, 0);
         self.events.push((time_s, Event::Started));
         let solution = self.with_attitude(&made, &nominal, &covariance);
