@@ -197,20 +197,16 @@ impl AttitudeSession {
         self.order.push(time_s, Input::Row(Box::new(row)))
     }
 
-    /// Solves an epoch with the attitude that the filter predicts for it, and takes the row. Samples up to
-    /// its time must have been taken; `next` is the one after it.
-    ///
-    /// # Errors
-    ///
-    /// [`TooLate`]: it came later than the window allows.
-    pub fn push_epoch(
+    /// Solves an epoch with the attitude that the filter predicts for it. Samples up to its time must have
+    /// been taken; `next` is the one after it. The row is to be taken with [`Self::push_row`].
+    pub fn solve(
         &mut self,
         epoch: &ArrayEpoch,
         engine: &mut Engine,
         next: Option<(f64, ImuSample)>,
-    ) -> Result<(), TooLate> {
+    ) -> EpochSolution {
         let predicted = self.predict(epoch.time, next);
-        self.push_row(engine.push_predicted(epoch, predicted.as_ref()))
+        engine.push_predicted(epoch, predicted.as_ref())
     }
 
     /// The attitude at an epoch with this tag, from the rows and samples that have left the window and

@@ -1,9 +1,10 @@
-//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, carried on by an inertial
-//! sensor.
+//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, or finds here with the filter's
+//! prediction, carried on by an inertial sensor.
 
 mod config;
 mod rows;
 mod solved_rows;
+mod source;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -11,7 +12,6 @@ use std::time::Instant;
 
 use anyhow::bail;
 use kurs::fusion::attitude_session::AttitudeSession;
-use kurs::solution::EpochSolution;
 
 use super::Args;
 use super::imu::Sensor;
@@ -20,6 +20,7 @@ use crate::failure::UsageError;
 use crate::truth::Truth;
 use config::Config;
 use rows::{Inputs, Rows};
+use source::Source;
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -34,24 +35,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut sensor = Sensor::open(folder, &config.imu)?;
     let settings = config.session(sensor.has_gyro_bias());
     let smooth = settings.smooth;
-    let (solved, mut damage) = solved_rows::read(&folder.join(&config.antennas.attitude))?;
-    if settings.place.is_none() && solved.iter().all(|row| row.position.is_none()) {
-        let text = "antennas.latitude_deg: the attitude file has no positions, so it must be given";
-        return Err(UsageError(text.to_owned()).into());
-    }
-    let solved = solved_rows::fill_pauses(solved, config.output.interval_s);
+    let mut source = Source::open(folder, &config.antennas, config.output.interval_s, args.quiet)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
-    let mut rows = Rows::create(&args.out, truth, smooth)?;
+    let mut rows = Rows::create(&args.out, truth, smooth, source.is_predicted())?;
 
     let started = Instant::now();
     let mut session = AttitudeSession::new(settings);
-    let too_late = fuse(&mut session, solved, &mut sensor, &mut rows)?;
+    let too_late = fuse(&mut session, &mut source, &mut sensor, &mut rows)?;
     if smooth {
         rows.write_smoothed(session)?;
     }
+    let (of_antennas, mut damage) = source.finish();
     damage.extend_from_slice(sensor.damage());
     let inputs = Inputs {
-        configuration: format!("{config:?}"),
+        configuration: format!("{config:?}{of_antennas}"),
         damage: &damage,
         too_late,
         wall_s: started.elapsed().as_secs_f64(),
@@ -71,20 +68,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Feeds rows and samples to the session, whichever is behind; how many came too late.
 fn fuse(
     session: &mut AttitudeSession,
-    solved: Vec<EpochSolution>,
+    source: &mut Source,
     sensor: &mut Sensor,
     rows: &mut Rows,
 ) -> anyhow::Result<usize> {
     let mut too_late = 0;
-    for row in solved {
-        let time_s = session.seconds(row.time);
+    while let Some(time) = source.next_time()? {
+        let time_s = session.seconds(time);
         while let Some((at_s, sample)) = sensor.next_before(time_s) {
             too_late += usize::from(session.push_sample(at_s, sample).is_err());
             while let Some(fused) = session.next_row() {
                 rows.write(&fused)?;
             }
         }
-        too_late += usize::from(session.push_row(row).is_err());
+        too_late += usize::from(source.feed(session, sensor.peek()).is_err());
     }
     // A little further: the sample that covers the last row.
     while let Some((at_s, sample)) = sensor.next_before(f64::INFINITY) {

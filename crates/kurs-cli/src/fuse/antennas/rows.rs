@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
-use kurs::solution::Status;
+use kurs::solution::{PredictionRole, Status};
 use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
@@ -30,6 +30,7 @@ const HEALTH: &[&str] = &[
     "saturated",
     "unusable",
     "without_samples_s",
+    "prediction",
     "event",
 ];
 
@@ -43,6 +44,8 @@ pub(super) struct Rows {
     smoothed_agreement: Agreement,
     summary: Summary,
     total: Total,
+    /// Whether the antennas' epochs are solved with what the filter predicts.
+    is_predicted: bool,
     events: EventLog,
 }
 
@@ -71,6 +74,9 @@ struct Total {
     velocities_used: usize,
     velocities_rejected: usize,
     velocity_mean_nis: Option<f64>,
+    /// Fixes that the prediction decided on, and that it refused.
+    fixed_by_prediction: usize,
+    refused_by_prediction: usize,
     saturated: usize,
     unusable: usize,
     without_samples_s: f64,
@@ -100,6 +106,7 @@ impl Rows {
         directory: &Path,
         truth: Option<Truth>,
         smooth: bool,
+        is_predicted: bool,
     ) -> anyhow::Result<Self> {
         let format = TableFormat::Csv;
         let smoothed = smooth.then(|| create_like_attitude(directory, "smoothed", format));
@@ -113,6 +120,7 @@ impl Rows {
             smoothed_agreement: Agreement::default(),
             summary: Summary::new(Vec::new()),
             total: Total::default(),
+            is_predicted,
             events: EventLog::default(),
         })
     }
@@ -123,7 +131,7 @@ impl Rows {
         let time = TimeColumns::new(solution.time);
         write_attitude(&mut self.attitude, &time, solution)?;
         self.summary.add(solution, false);
-        self.total.add(&row.health);
+        self.total.add(&row.health, solution.prediction);
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -157,6 +165,7 @@ impl Rows {
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
         t.real(Some(health.without_samples_s), 3);
+        t.text(row.solution.prediction.map_or("", PredictionRole::word));
         t.text(&events::in_one_field(&row.events));
         t.end_row()
     }
@@ -194,6 +203,12 @@ impl Rows {
             "attitudes: {} used, {} rejected; longest time without one {:.1} s",
             total.attitudes_used, total.attitudes_rejected, total.longest_coasting_s
         ));
+        if self.is_predicted {
+            lines.push(format!(
+                "the prediction decided on the integers of {} and refused {} fixes",
+                total.fixed_by_prediction, total.refused_by_prediction
+            ));
+        }
         if total.attitudes_rejected > total.attitudes_used {
             lines.push(
                 "most attitudes were rejected: are unit, mounting and time of the sensor right?"
@@ -211,13 +226,15 @@ impl Rows {
 }
 
 impl Total {
-    fn add(&mut self, health: &CoastingHealth) {
+    fn add(&mut self, health: &CoastingHealth, prediction: Option<PredictionRole>) {
         self.attitudes_used += health.attitude.used / 3;
         self.attitudes_rejected += health.attitude.rejected / 3;
         self.attitude_nis += health.attitude.nis;
         self.velocities_used += health.velocity.used / 3;
         self.velocities_rejected += health.velocity.rejected / 3;
         self.velocity_nis += health.velocity.nis;
+        self.fixed_by_prediction += usize::from(prediction == Some(PredictionRole::Decided));
+        self.refused_by_prediction += usize::from(prediction == Some(PredictionRole::Refused));
         self.saturated += health.saturated;
         self.unusable += health.unusable;
         self.without_samples_s += health.without_samples_s;
