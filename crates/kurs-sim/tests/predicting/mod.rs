@@ -3,11 +3,14 @@
 #![allow(dead_code)] // every user needs a part
 
 use kurs::engine::{Constraint, Engine, PredictedAttitude, Settings};
-use kurs::frames::Vector;
+use kurs::ephemeris::NavigationData;
+use kurs::frames::{Rotation, Vector};
 use kurs::fusion::attitude_filter::InertialSettings;
 use kurs::fusion::attitude_session::{AttitudeSession, AttitudeSessionSettings, ImuSample};
 use kurs::fusion::kalman::Gate;
+use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, PredictionRole, Status};
+use kurs_sim::imu::ImuReading;
 use kurs_sim::scenario::{Imu, Outage, Scenario};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::{Rotation3, Vector3};
@@ -16,6 +19,8 @@ use crate::solving::{self, Integers, TrueCycles};
 
 /// End of the ten seconds without satellites, between two epochs.
 pub(crate) const OUTAGE_ENDS_S: f64 = 70.1;
+/// When a gyro that errs for a time does so.
+pub(crate) const JOLT_S: core::ops::Range<f64> = 30.0..40.0;
 /// One degree an hour, in rad/s.
 const DEGREE_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 
@@ -92,8 +97,10 @@ fn outage(from_s: f64, to_s: f64, satellites: Vec<String>) -> Outage {
 pub(crate) enum Fault {
     /// Nothing.
     None,
-    /// The gyro turns by so much more than the body about the vertical, °/s.
+    /// The gyro shows so much more than the body turns about the vertical, °/s.
     GyroBias(f64),
+    /// The same from [`JOLT_S`] only.
+    GyroJolt(f64),
     /// The predicted heading is off by so much, degrees, and trusted from the first epoch on.
     Heading(f64),
 }
@@ -110,8 +117,25 @@ pub(crate) struct Judged {
 
 impl Judged {
     fn new(time_s: f64, row: &EpochSolution, cycles: &TrueCycles) -> Self {
-        let integers = cycles.judge(&row.integers);
-        Self { time_s, status: row.status, integers, prediction: row.prediction }
+        Self {
+            time_s,
+            status: row.status,
+            integers: cycles.judge(&row.integers),
+            prediction: row.prediction,
+        }
+    }
+
+    pub(crate) fn is_decided(&self) -> bool {
+        self.is_fixed() && self.prediction == Some(PredictionRole::Decided)
+    }
+
+    pub(crate) fn is_refused(&self) -> bool {
+        self.prediction == Some(PredictionRole::Refused)
+    }
+
+    /// Whether code determines the baselines.
+    pub(crate) fn is_solved(&self) -> bool {
+        self.status != Status::Lost
     }
 
     pub(crate) fn is_fixed(&self) -> bool {
@@ -156,16 +180,18 @@ struct Chain {
 impl Chain {
     fn new(
         settings: Settings,
-        navigation: kurs::ephemeris::NavigationData,
+        navigation: NavigationData,
         simulation: &Simulation,
         fault: Fault,
     ) -> Self {
-        let bias_radps = match fault {
-            Fault::GyroBias(degps) => Vector3::new(0.0, 0.0, degps.to_radians()),
-            _ => Vector3::zeros(),
+        let bias_degps = |time_s: f64| match fault {
+            Fault::GyroBias(degps) => degps,
+            Fault::GyroJolt(degps) if JOLT_S.contains(&time_s) => degps,
+            _ => 0.0,
         };
         let start_s = simulation.start().tow_s();
-        let sample = |reading: kurs_sim::imu::ImuReading| {
+        let sample = |reading: ImuReading| {
+            let bias_radps = Vector3::z() * bias_degps(reading.time_s).to_radians();
             let sample = ImuSample {
                 rate_radps: Some(Vector::from_xyz(reading.rate_radps + bias_radps)),
                 specific_force_mps2: Some(Vector::from_xyz(reading.specific_force_mps2)),
@@ -183,7 +209,7 @@ impl Chain {
     }
 
     /// The row of the engine, as the filter gets it.
-    fn push(&mut self, epoch: &kurs::observation::ArrayEpoch) -> EpochSolution {
+    fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
         let time_s = self.session.seconds(epoch.time);
         while let Some((at_s, sample)) = self.samples.next_if(|(at_s, _)| *at_s <= time_s) {
             self.session.push_sample(at_s, sample).unwrap();
@@ -201,7 +227,7 @@ impl Chain {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), off_deg.to_radians());
         let matrix = turn.into_inner() * predicted.ned_from_body.matrix();
         PredictedAttitude {
-            ned_from_body: kurs::frames::Rotation::from_matrix(matrix),
+            ned_from_body: Rotation::from_matrix(matrix),
             may_decide: true,
             ..predicted
         }

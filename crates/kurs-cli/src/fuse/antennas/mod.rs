@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let smooth = settings.smooth;
     let mut source = Source::open(folder, &config.antennas, config.output.interval_s, args.quiet)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
-    let mut rows = Rows::create(&args.out, truth, smooth, source.is_predicted())?;
+    let mut rows = Rows::create(&args.out, truth, smooth, source.antenna_names())?;
 
     let started = Instant::now();
     let mut session = AttitudeSession::new(settings);

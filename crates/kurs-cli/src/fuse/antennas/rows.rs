@@ -44,7 +44,7 @@ pub(super) struct Rows {
     smoothed_agreement: Agreement,
     summary: Summary,
     total: Total,
-    /// Whether the antennas' epochs are solved with what the filter predicts.
+    /// Whether the antennas' epochs are solved here, with what the filter predicts.
     is_predicted: bool,
     events: EventLog,
 }
@@ -102,11 +102,12 @@ struct FusionSummary<'a> {
 }
 
 impl Rows {
+    /// `antennas`: names of those whose epochs are solved here; none if their attitudes are given.
     pub(super) fn create(
         directory: &Path,
         truth: Option<Truth>,
         smooth: bool,
-        is_predicted: bool,
+        antennas: Vec<String>,
     ) -> anyhow::Result<Self> {
         let format = TableFormat::Csv;
         let smoothed = smooth.then(|| create_like_attitude(directory, "smoothed", format));
@@ -118,9 +119,9 @@ impl Rows {
             truth,
             filtered_agreement: Agreement::default(),
             smoothed_agreement: Agreement::default(),
-            summary: Summary::new(Vec::new()),
+            is_predicted: !antennas.is_empty(),
+            summary: Summary::new(antennas),
             total: Total::default(),
-            is_predicted,
             events: EventLog::default(),
         })
     }

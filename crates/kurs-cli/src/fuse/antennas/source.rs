@@ -133,9 +133,12 @@ impl Source {
         fill.then(|| last + interval_s)
     }
 
-    /// Whether rows are solved with what the filter predicts.
-    pub(super) const fn is_predicted(&self) -> bool {
-        matches!(self.kind, Kind::Observed(_))
+    /// Names of the antennas whose epochs are solved here; none if their attitudes are given.
+    pub(super) fn antenna_names(&self) -> Vec<String> {
+        match &self.kind {
+            Kind::Solved(_) => Vec::new(),
+            Kind::Observed(observed) => solve::antenna_names(&observed.loaded),
+        }
     }
 
     /// The text that stands for the antennas in the hash of the configuration, and everything that was

@@ -1,0 +1,78 @@
+//! What a prediction of the attitude does for the integers, laid against the simulator's own: a reduced run
+//! of the example `predicted_integers`.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+mod predicting;
+mod solving;
+
+use predicting::{Case, Fault, JOLT_S, Judged, OUTAGE_ENDS_S, solve};
+
+/// So many epochs in a row must contradict the filter before it begins anew.
+const LOCKED_OUT_EPOCHS: f64 = 20.0;
+const INTERVAL_S: f64 = 0.5;
+
+fn epochs(case: Case, fault: Fault, seeds: core::ops::Range<u64>) -> Vec<[Judged; 2]> {
+    seeds.flat_map(|seed| solve(case.scenario(seed), fault)).collect()
+}
+
+fn count(epochs: &[[Judged; 2]], way: usize, which: fn(&Judged) -> bool) -> usize {
+    epochs.iter().filter(|epoch| which(&epoch[way])).count()
+}
+
+/// Two antennas and few satellites: many more epochs are fixed, none wrong, none refused.
+#[test]
+fn a_prediction_fixes_what_is_too_weak_alone() {
+    for (case, factor) in [(Case::SixSatellites, 1.5), (Case::SevenSatellites, 1.2)] {
+        let epochs = epochs(case, Fault::None, 0..3);
+        let fixed = [0, 1].map(|way| count(&epochs, way, Judged::is_fixed));
+        println!("{}: {fixed:?} of {}", case.name(), epochs.len());
+        assert!(fixed[1] as f64 > factor * fixed[0] as f64, "{fixed:?}");
+        assert_eq!(count(&epochs, 1, Judged::is_wrong), 0);
+        assert_eq!(count(&epochs, 1, Judged::is_refused), 0);
+    }
+}
+
+/// Ten seconds without satellites, then few of them: the first epoch is fixed, and those after it, wherever
+/// code determines the baselines at all.
+#[test]
+fn the_first_epoch_after_an_outage_is_fixed() {
+    let mut returns = 0;
+    for seed in 0..4 {
+        let epochs = solve(Case::Outage.scenario(seed), Fault::None);
+        let back = epochs.iter().find(|epoch| epoch[1].time_s > OUTAGE_ENDS_S).unwrap();
+        assert!(back[1].is_fixed() || !back[1].is_solved(), "seed {seed}: {back:?}");
+        let in_part = |epoch: &&[Judged; 2]| {
+            (OUTAGE_ENDS_S..OUTAGE_ENDS_S + 20.0).contains(&epoch[1].time_s) && epoch[1].is_solved()
+        };
+        let unfixed = epochs.iter().filter(in_part).filter(|epoch| !epoch[1].is_fixed()).count();
+        returns += usize::from(back[1].is_fixed());
+        assert!(unfixed <= 1, "seed {seed}: {unfixed} not fixed");
+        assert_eq!(count(&epochs, 1, Judged::is_wrong), 0);
+    }
+    assert!(returns >= 3, "{returns} of 4");
+}
+
+/// A prediction that is wrong refuses right fixes, but makes no wrong ones.
+#[test]
+fn a_wrong_prediction_makes_no_wrong_fix() {
+    for fault in [Fault::GyroBias(0.5), Fault::Heading(20.0), Fault::Heading(-7.0)] {
+        for case in [Case::SixSatellites, Case::SevenSatellites, Case::Outage] {
+            let epochs = epochs(case, fault, 0..2);
+            assert_eq!(count(&epochs, 1, Judged::is_wrong), 0, "{case:?} {fault:?}");
+        }
+    }
+}
+
+/// A filter that has gone wrong does not lock right fixes out for long.
+#[test]
+fn right_fixes_return_after_the_filter_was_wrong() {
+    let epochs = solve(Case::Outage.scenario(1), Fault::GyroJolt(1.0));
+    let between = |from_s: f64, to_s: f64| -> Vec<[Judged; 2]> {
+        epochs.iter().filter(|e| (from_s..to_s).contains(&e[1].time_s)).copied().collect()
+    };
+    let during = between(JOLT_S.start, JOLT_S.end);
+    assert!(count(&during, 1, Judged::is_refused) > 5, "the filter noticed nothing");
+    let after = between(JOLT_S.end + (LOCKED_OUT_EPOCHS + 2.0) * INTERVAL_S, OUTAGE_ENDS_S - 10.0);
+    assert_eq!(count(&after, 1, Judged::is_fixed), after.len());
+    assert_eq!(count(&epochs, 1, Judged::is_wrong), 0);
+}
