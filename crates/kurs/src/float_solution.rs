@@ -19,6 +19,9 @@ use crate::difference::{
     Combination, Link, add_common_cycles, combinations, covariance, equations, own_links,
 };
 
+/// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
+const CODE_LEFT_OUT: f64 = 1e3;
+
 /// Observations of one group and kind in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
 #[derive(Debug, Clone)]
 struct Whitened {
@@ -73,6 +76,7 @@ pub struct FloatSolution {
     code_right: DVector<f64>,
     phases: Vec<Phases>,
     memory: Option<Memory>,
+    without_code: bool,
 }
 
 /// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
@@ -81,6 +85,21 @@ pub struct FloatSolution {
 struct Memory {
     right: DVector<f64>,
     cross: DMatrix<f64>,
+}
+
+/// The phases of one group, before integers: `y_Φ = A_Φ x + Λ a + e`.
+#[derive(Debug, Clone, Copy)]
+pub struct PhaseGroup<'a> {
+    /// `y_Φ` against the approximate baselines, m.
+    pub misclosure_m: &'a DVector<f64>,
+    /// Diagonal of `Λ`, m.
+    pub wavelengths_m: &'a DVector<f64>,
+    /// `A_Φ`.
+    pub design: &'a DMatrix<f64>,
+    /// A-priori covariance, m².
+    pub covariance_m2: &'a DMatrix<f64>,
+    /// What it has to be multiplied with.
+    pub variance_factor: f64,
 }
 
 /// How well observations fit.
@@ -210,6 +229,7 @@ impl FloatSolution {
             code_right: code_right / factors.code,
             phases,
             memory: None,
+            without_code: false,
         };
         float.solve_ambiguities();
         Ok(float)
@@ -250,6 +270,40 @@ impl FloatSolution {
             first += count;
         }
         self.cross_covariance = -spread.transpose();
+    }
+
+    /// The phases of all groups, in the order of the ambiguities.
+    pub fn phase_groups(&self) -> impl Iterator<Item = PhaseGroup<'_>> {
+        self.phases.iter().map(|phases| PhaseGroup {
+            misclosure_m: &phases.misclosure_m,
+            wavelengths_m: &phases.wavelengths_m,
+            design: &phases.design,
+            covariance_m2: &phases.covariance_m2,
+            variance_factor: self.factors.phase,
+        })
+    }
+
+    /// The same with next to no weight on the code of the epoch: a thousand times its standard
+    /// deviation. For a solution that holds one epoch only.
+    #[must_use]
+    pub fn without_code(&self) -> Self {
+        let mut float = Self { without_code: true, ..self.clone() };
+        let scale = CODE_LEFT_OUT * CODE_LEFT_OUT;
+        if let Some(code_normal) = well_conditioned_inverse(&self.covariance_m2) {
+            float.conditional_normal -= code_normal * (1.0 - 1.0 / scale);
+        }
+        float.covariance_m2 *= scale;
+        float.code_right /= scale;
+        float.factors.code *= scale;
+        float.code_fit = Fit::default();
+        float.solve_ambiguities();
+        float
+    }
+
+    /// Whether this is such a solution.
+    #[must_use]
+    pub fn is_without_code(&self) -> bool {
+        self.without_code
     }
 
     /// Covariance of the baselines once the integers are known,

@@ -17,9 +17,10 @@ struct Refused {
 }
 
 /// Four antennas, two systems, two bands, an epoch a second.
-fn refused(places_m: &[[f64; 3]], duration_s: f64) -> Refused {
+fn refused(places_m: &[[f64; 3]], duration_s: f64, seed: u64) -> Refused {
     let mut scene = Scene::new(4, |scenario| {
         (scenario.interval_s, scenario.duration_s) = (1.0, duration_s);
+        scenario.seed = seed;
         scenario.signals = ["G1C", "G2W", "E1C", "E5Q"].map(str::to_owned).to_vec();
     });
     scene.settings.array = Some(array(places_m));
@@ -52,7 +53,7 @@ fn swapped_antennas() {
     for (one, other) in [(1, 2), (2, 3), (0, 1)] {
         let mut places_m = PLACES_M;
         places_m.swap(one, other);
-        let found = refused(&places_m, 60.0);
+        let found = refused(&places_m, 60.0, 1);
         assert_eq!(found.fixed, 0, "{one} and {other}");
         assert!(found.share >= 0.95, "{one} and {other}: {}", found.share);
     }
@@ -66,24 +67,31 @@ fn one_antenna_three_to_five_centimetres_elsewhere() {
         (3, [-0.02, 0.03, 0.02]),
         (0, [0.04, 0.0, 0.0]),
     ] {
-        let found = refused(&moved(antenna, by_m), 60.0);
+        let found = refused(&moved(antenna, by_m), 60.0, 1);
         assert_eq!(found.fixed, 0, "{antenna} by {by_m:?}");
         assert!(found.share >= 0.95, "{antenna} by {by_m:?}: {}", found.share);
     }
 }
 
-/// Two centimetres in the plane are within the noise of many a single epoch: the mean of some seconds
-/// shows them. (Of heights, four antennas show one combination only; the rest is a tilt.)
+/// Two centimetres in the plane are within the noise of many a single epoch: an array has to prove
+/// itself. (Of heights, four antennas show one combination only; the rest is a tilt.)
 #[test]
 fn one_antenna_two_centimetres_elsewhere() {
+    let (mut shares, mut never_fixed) = (Vec::new(), 0);
     for (antenna, by_m) in [
         (0, [0.02, 0.0, 0.0]),
         (1, [0.02, 0.0, 0.0]),
         (2, [0.0, 0.02, 0.0]),
         (3, [-0.014, 0.014, 0.0]),
     ] {
-        let found = refused(&moved(antenna, by_m), 180.0);
-        assert!(found.last_fixed_s < 15.0, "{antenna} by {by_m:?}: {}", found.last_fixed_s);
-        assert!(found.share >= 0.95, "{antenna} by {by_m:?}: {}", found.share);
+        for seed in 1..=5 {
+            let found = refused(&moved(antenna, by_m), 60.0, seed);
+            assert!(found.last_fixed_s < 15.0, "{antenna} by {by_m:?}: {}", found.last_fixed_s);
+            shares.push(found.share);
+            never_fixed += usize::from(found.fixed == 0);
+        }
     }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    println!("{never_fixed} of {} without a fixed row, refused {mean:.4}", shares.len());
+    assert!(never_fixed >= 18 && mean >= 0.95, "{never_fixed} {mean}");
 }

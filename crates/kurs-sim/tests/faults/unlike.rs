@@ -120,3 +120,36 @@ fn geostationary_satellites_off_by_a_part_of_a_cycle() {
         assert!(counts.share() >= 0.99, "{phase_cycles}: {counts:?}");
     }
 }
+
+/// Code of one antenna full of reflections in every fifth epoch: phases and geometry say enough.
+#[test]
+fn code_full_of_reflections() {
+    for antennas in [2, 3] {
+        let mut scene = with_bias(antennas, &["G1C", "E1C"], &["G", "E"], &Bias::default());
+        if antennas == 2 {
+            scene.settings.constraint = Constraint::Length;
+        }
+        let (mut spoilt, mut right) = (0_u32, 0_u32);
+        let is_spoilt = |time_s: f64| (time_s * 2.0).round().rem_euclid(5.0) == 3.0;
+        scene.run(
+            |time_s, mut epoch| {
+                for observation in &mut epoch.antennas[1].as_mut().unwrap().observations {
+                    let number = f64::from(observation.satellite.number);
+                    let off_m = 30.0 * (number * 2.4 + time_s / 7.0).sin();
+                    if is_spoilt(time_s) {
+                        observation.pseudorange_m =
+                            observation.pseudorange_m.map(|range| range + off_m);
+                    }
+                }
+                vec![epoch]
+            },
+            |time_s, row, outcome| {
+                assert_ne!(outcome, Outcome::Wrong, "{time_s} s: {row:?}");
+                spoilt += u32::from(is_spoilt(time_s));
+                right += u32::from(is_spoilt(time_s) && outcome == Outcome::Right);
+            },
+        );
+        println!("{antennas} antennas, code of one off by up to 30 m: {right} of {spoilt} right");
+        assert!(f64::from(right) >= 0.8 * f64::from(spoilt), "{right} of {spoilt}");
+    }
+}

@@ -78,10 +78,24 @@ pub fn all_within(
     length: Length,
     max_cost: f64,
 ) -> Result<Vec<SphereCandidate>, AmbiguityError> {
+    all_in_time(model, length, max_cost, usize::MAX)
+}
+
+/// The same, but no more than `max_nodes` integers are tried: noisy phases leave many at each point.
+///
+/// # Errors
+///
+/// As [`all_within`]; `BudgetExceeded` also where these are too few.
+pub fn all_in_time(
+    model: &PhaseModel,
+    length: Length,
+    max_cost: f64,
+    max_nodes: usize,
+) -> Result<Vec<SphereCandidate>, AmbiguityError> {
     let factor = checked_factor(model, length)?;
     let weight = factor.inverse();
     let mut best_start: BTreeMap<Vec<i64>, (f64, Vector3<f64>)> = BTreeMap::new();
-    let mut branch = Branch::default();
+    let mut branch = Branch { nodes_left: max_nodes, ..Branch::default() };
     for shell in shells(model, length, max_cost)? {
         let tree = Tree::new(model, &factor, shell.max_cost, shell.reach_m());
         shell.for_each_point(|point| {
@@ -96,6 +110,9 @@ pub fn all_within(
                 }
             });
         });
+        if branch.nodes_left == 0 {
+            return Err(AmbiguityError::BudgetExceeded { nodes: max_nodes });
+        }
     }
     let mut found: Vec<SphereCandidate> = best_start
         .into_iter()
@@ -226,6 +243,7 @@ struct Branch {
     whitened: Vec<f64>,
     /// Misfit with the integers above this level.
     misfit: Vec<f64>,
+    nodes_left: usize,
 }
 
 impl<'a> Tree<'a> {
@@ -275,7 +293,7 @@ impl<'a> Tree<'a> {
         branch.misfit[0] = prior_misfit;
         self.enter(0, point, branch);
         let mut level = 0;
-        loop {
+        while branch.nodes_left > 0 {
             if branch.integers[level] > branch.last[level] {
                 if level == 0 {
                     return;
@@ -284,6 +302,7 @@ impl<'a> Tree<'a> {
                 branch.integers[level] += 1;
                 continue;
             }
+            branch.nodes_left -= 1;
             let cycles_m = self.model.wavelengths_m[level] * branch.integers[level] as f64;
             let u = (branch.rest_m[level] - cycles_m) / self.lower[(level, level)];
             branch.whitened[level] = u;

@@ -77,7 +77,7 @@ struct Estimate {
 }
 
 impl ChannelBiases {
-    /// Takes known biases out of the phases. Unknown ones stay, or with `leave_out` their phases go.
+    /// Takes known biases out of the phases; unknown ones stay.
     ///
     /// Nothing is done where GLONASS is alone: no other system could tell a bias.
     pub(super) fn apply(
@@ -86,7 +86,6 @@ impl ChannelBiases {
         reference: usize,
         noise: &NoiseModel,
         channel: impl Fn(Satellite) -> Option<i8>,
-        leave_out: bool,
     ) {
         self.observed.clear();
         self.reference = reference;
@@ -111,25 +110,26 @@ impl ChannelBiases {
             if link.antenna == reference {
                 continue;
             }
-            match self.of.get(&(reference, link.antenna, band)).and_then(|bias| bias.known) {
-                Some((bias_m, sd_m)) => {
-                    link.phase_m = Some(phase_m - bias_m * f64::from(channel));
-                    let remaining = NoiseModel { channel_sd_m: sd_m, ..*noise };
-                    link.common_sd_cycles = remaining.common_cycles(link.wavelength_m);
-                }
-                None if leave_out => link.phase_m = None,
-                None => {}
+            if let Some((bias_m, sd_m)) = self.known(link.antenna, band) {
+                link.phase_m = Some(phase_m - bias_m * f64::from(channel));
+                let remaining = NoiseModel { channel_sd_m: sd_m, ..*noise };
+                link.common_sd_cycles = remaining.common_cycles(link.wavelength_m);
             }
         }
     }
 
-    /// Whether the epoch has a phase whose bias is not known yet.
-    pub(super) fn any_unknown(&self) -> bool {
-        let is_known = |o: &Observed| {
-            let bias = self.of.get(&(self.reference, o.antenna, o.band));
-            bias.is_some_and(|bias| bias.known.is_some())
+    fn known(&self, antenna: usize, band: Band) -> Option<(f64, f64)> {
+        self.of.get(&(self.reference, antenna, band)).and_then(|bias| bias.known)
+    }
+
+    /// Whether the phase of this link may have a bias that is not known yet.
+    pub(super) fn is_unknown(&self, link: &Link) -> bool {
+        let of_link = |o: &Observed| {
+            (o.antenna, o.satellite, o.band) == (link.antenna, link.satellite, link.signal.band)
         };
-        self.observed.iter().any(|o| o.antenna != self.reference && !is_known(o))
+        link.antenna != self.reference
+            && self.observed.iter().any(of_link)
+            && self.known(link.antenna, link.signal.band).is_none()
     }
 
     /// Learns from a fixed epoch: corrections to the approximate baselines of `rovers`, m.

@@ -30,8 +30,10 @@ const LEAST_STAYING: f64 = 0.1;
 const STAYING_FREEDOM: f64 = 6.0;
 /// Normalised square that one epoch counts for at most.
 const MAX_SQUARE: f64 = 40.0;
-/// A mean misfit less probable than this is not that of the known array.
+/// A mean misfit less probable than this is not that of the known array,
 const LEAST_PROBABLE: f64 = 1e-5;
+/// and in the first epochs, when the array has not proven itself yet, less than this over their number.
+const LEAST_PROBABLE_AT_FIRST: f64 = 1e-2;
 
 /// What one epoch's baselines leave against the known places, in body axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,6 +98,8 @@ pub(super) struct MeanMisfit {
     changes: f64,
     change_freedom: f64,
     time: Option<GpsTime>,
+    /// Epochs of the session, whatever antennas they had.
+    seen: usize,
 }
 
 impl MeanMisfit {
@@ -105,8 +109,9 @@ impl MeanMisfit {
             return;
         }
         if self.antennas != misfit.antennas {
-            *self = Self::of(misfit);
+            *self = Self { seen: self.seen, ..Self::of(misfit) };
         }
+        self.seen += 1;
         let elapsed_s = self.time.map_or(0.0, |before| (time - before).max(0.0));
         self.time = Some(time);
         let keep = (-elapsed_s / FADING_S).exp();
@@ -185,7 +190,8 @@ impl MeanMisfit {
 
     /// Whether the recent epochs together say that the array is not the known one.
     pub(super) fn is_improbable(&self) -> bool {
-        self.probability() < LEAST_PROBABLE
+        let least = LEAST_PROBABLE_AT_FIRST / self.seen.max(1) as f64;
+        self.probability() < least.max(LEAST_PROBABLE)
     }
 
     /// Probability of a mean misfit as large as this or larger, if the array is right; 1 while

@@ -1,12 +1,15 @@
 //! The chain from one epoch's observations to attitude: [`Engine::push`] reads as the method.
 
 mod channel_bias;
+mod code_free;
 mod fix;
 mod locate;
 mod misfit;
 mod noise_scale;
 mod orientation;
+mod partial;
 mod predicted_attitude;
+mod search;
 mod settings;
 mod station;
 
@@ -31,9 +34,10 @@ use crate::solution::{
 };
 use crate::time::GpsTime;
 use channel_bias::ChannelBiases;
-use fix::{Fixer, Verdict};
+use fix::{Fixer, Outcome, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
+use partial::Part;
 use predicted_attitude::PredictedBaselines;
 use station::Station;
 
@@ -135,18 +139,8 @@ impl Engine {
         if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
             station.improve(epoch, observed, &mut row);
         }
-        let alone = row.clone();
-        if let Err(reason) = self.relative(epoch, &mut row, false) {
+        if let Err(reason) = self.relative(epoch, &mut row) {
             row.reason = Some(reason);
-        }
-        // What unlike receivers have a bias for can be what spoils the fix. (Ambiguities that are carried
-        // on must take each epoch in once only.)
-        if row.status != Status::Fixed && self.tries_without_unlike() {
-            let mut without = alone;
-            let done = self.relative(epoch, &mut without, true);
-            if done.is_ok() && without.status == Status::Fixed {
-                return without;
-            }
         }
         row
     }
@@ -206,40 +200,25 @@ impl Engine {
         })
     }
 
-    /// Differences, float solution, integers, baselines, attitude; without the phases that unlike
-    /// receivers have unknown biases for, if they are to be left out.
-    fn relative(
-        &mut self,
-        epoch: &ArrayEpoch,
-        row: &mut EpochSolution,
-        leave_out_unknown: bool,
-    ) -> Result<(), Reason> {
+    /// Differences, float solution, integers, baselines, attitude.
+    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
         self.fixer.begin(epoch.time);
-        let (frame, mut groups, float) = self.float(epoch, row, leave_out_unknown)?;
+        let (frame, mut groups, float) = self.float(epoch, row)?;
         let (mut float, anew) = self.carry(float, &frame, epoch.time);
 
         let rate = self.settings.max_wrong_fix_rate;
-        let last_try = leave_out_unknown || !self.tries_without_unlike();
         let mut outcome = self.fixer.fix(&float, &self.links, &frame, &self.settings, rate);
         if anew {
             outcome.verdict = outcome.verdict.after_many_slips();
         }
-        if outcome.verdict.is_spoilt() {
-            let part = self.fixer.fix_without_one_system(&self.links, &frame, &self.settings);
-            if let Some(part) = part {
-                (self.links, groups) = (part.links, part.groups);
-                (float, outcome) = (part.float, part.outcome);
-            }
+        if let Some(part) = self.fix_without_a_suspect(outcome.verdict, &float, &frame) {
+            (self.links, groups) = (part.links, part.groups);
+            (float, outcome) = (part.float, part.outcome);
         }
         let predicted = self.predicted_baselines(&float, &frame);
-        let mut decided = false;
-        if let Some(predicted) = predicted.as_ref().filter(|p| p.may_decide && last_try)
-            && matches!(outcome.verdict, Verdict::Float(_))
-        {
-            let helped = self.fixer.fix_with_prediction(predicted, &float, &frame, &self.settings);
-            decided = helped.is_some();
-            outcome = helped.unwrap_or(outcome);
-        }
+        let decided = self.decide(predicted.as_ref(), outcome.verdict, &float, &frame);
+        let is_decided = decided.is_some();
+        outcome = decided.unwrap_or(outcome);
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
         row.success_rate = outcome.success_rate;
@@ -267,15 +246,12 @@ impl Engine {
             self.mean_misfit.take(misfit, epoch.time);
         }
         (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
-        row.prediction = match predicted.filter(|_| row.status == Status::Fixed) {
-            None => None,
-            Some(predicted) if predicted.contradict(&outcome.baselines) => {
+        if let (Some(predicted), Status::Fixed) = (predicted, row.status) {
+            row.prediction = Some(predicted.role(&outcome.baselines, is_decided));
+            if row.prediction == Some(PredictionRole::Refused) {
                 (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Residuals));
-                Some(PredictionRole::Refused)
             }
-            Some(_) if decided => Some(PredictionRole::Decided),
-            Some(_) => Some(PredictionRole::Agreed),
-        };
+        }
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.attitude.ok();
         if row.status == Status::Fixed {
@@ -291,12 +267,11 @@ impl Engine {
         &mut self,
         epoch: &ArrayEpoch,
         row: &mut EpochSolution,
-        leave_out_unknown: bool,
     ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
         loop {
             let frame = locate::common_frame(&self.located)?;
             self.form_links(epoch, &frame);
-            self.take_out_unlike(frame.reference, leave_out_unknown);
+            self.take_out_channel_biases(frame.reference);
             self.align_phases();
             let groups = difference::group(&mut self.links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
@@ -326,31 +301,45 @@ impl Engine {
         self.predicted.as_ref()?.baselines(float, &frame.horizon, &self.settings)
     }
 
-    /// Whether an epoch that is not fixed is tried once more without what unlike receivers have a bias
-    /// for.
-    fn tries_without_unlike(&self) -> bool {
-        let may_be_unlike = self.channel_biases.any_unknown() || self.any_geostationary();
-        self.carried.is_none() && may_be_unlike
+    /// Integers that the prediction makes sure, if the epoch is not sure of them.
+    fn decide(
+        &mut self,
+        predicted: Option<&PredictedBaselines>,
+        verdict: Verdict,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<Outcome> {
+        let may_decide =
+            |p: &&PredictedBaselines| p.may_decide && matches!(verdict, Verdict::Float(_));
+        let predicted = predicted.filter(may_decide)?;
+        self.fixer.fix_with_prediction(predicted, float, &self.links, frame, &self.settings)
     }
 
-    /// Whether geostationary satellites of BeiDou take part: some receivers have their phases a part
-    /// of a cycle off those of the others, for their messages are modulated in another way.
-    fn any_geostationary(&self) -> bool {
-        self.links.iter().any(|link| link.satellite.is_beidou_geo() && link.phase_m.is_some())
+    /// Integers of the epoch without something that may spoil them, if they are not accepted.
+    fn fix_without_a_suspect(
+        &mut self,
+        verdict: Verdict,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<Part> {
+        let Self { fixer, channel_biases, links, settings, .. } = self;
+        // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
+        // those of the others: their messages are modulated in another way.
+        let is_unlike = |link: &Link| {
+            let is_geostationary = link.satellite.is_beidou_geo();
+            link.phase_m.is_some() && (is_geostationary || channel_biases.is_unknown(link))
+        };
+        fixer.fix_without_a_suspect(verdict, float, links, is_unlike, frame, settings)
     }
 
     /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be
     /// a cycle slip to what is carried on.
-    fn take_out_unlike(&mut self, reference: usize, leave_out_unknown: bool) {
-        if leave_out_unknown {
-            let geostationary = self.links.iter_mut().filter(|l| l.satellite.is_beidou_geo());
-            geostationary.for_each(|link| link.phase_m = None);
-        }
+    fn take_out_channel_biases(&mut self, reference: usize) {
         if self.settings.ambiguities == Ambiguities::Instantaneous {
             let ephemerides = &self.navigation.ephemerides;
             let channel = |satellite| ephemerides.glonass_channel(satellite);
             let (links, noise) = (&mut self.links, &self.settings.noise);
-            self.channel_biases.apply(links, reference, noise, channel, leave_out_unknown);
+            self.channel_biases.apply(links, reference, noise, channel);
         }
     }
 

@@ -18,12 +18,15 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use super::fix::{Fixer, Outcome, Verdict};
 use super::locate::CommonFrame;
 use super::misfit::survey_covariance;
+use super::search::Problem;
 use super::settings::{Constraint, Settings};
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
+use crate::difference::Link;
 use crate::float_solution::FloatSolution;
 use crate::frames::{Body, Ned, Rotation, Vector, skew};
 use crate::sky::Horizon;
+use crate::solution::PredictionRole;
 
 /// `k`: the prediction counts as twice as uncertain as it says.
 const ALLOWANCE: f64 = 4.0;
@@ -112,8 +115,17 @@ impl PredictedAttitude {
 }
 
 impl PredictedBaselines {
+    /// What it does for baselines that are fixed, by its own decision or without it.
+    pub(super) fn role(&self, fixed: &Baselines, is_decided: bool) -> PredictionRole {
+        match is_decided {
+            _ if self.contradict(fixed) => PredictionRole::Refused,
+            true => PredictionRole::Decided,
+            false => PredictionRole::Agreed,
+        }
+    }
+
     /// Whether fixed baselines are too far from what is predicted.
-    pub(super) fn contradict(&self, fixed: &Baselines) -> bool {
+    fn contradict(&self, fixed: &Baselines) -> bool {
         if fixed.vectors_m.len() != self.expected_m.len() {
             return false;
         }
@@ -146,6 +158,7 @@ impl Fixer {
         &mut self,
         predicted: &PredictedBaselines,
         float: &FloatSolution,
+        links: &[Link],
         frame: &CommonFrame,
         settings: &Settings,
     ) -> Option<Outcome> {
@@ -159,14 +172,15 @@ impl Fixer {
             return None;
         }
         let informed = predicted.inform(float, frame)?;
-        let found = self.with_array(&informed, frame, array, settings.array_sd_m).ok()?;
+        let problem = self.problem(&informed, links, frame, settings, rate);
+        let found = self.searches.with_array(&problem, array).ok()?;
         let alone = probability(float, &found.integers)?;
         if alone < LEAST_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < LEAST_PLAUSIBLE
         {
             return None;
         }
         let mut outcome = Outcome::float(float, frame);
-        outcome.judge(&found, float, frame, settings, rate);
+        outcome.judge(&found, &Problem { float, ..problem });
         (outcome.verdict == Verdict::Fixed).then_some(outcome)
     }
 }

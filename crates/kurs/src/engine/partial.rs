@@ -1,0 +1,124 @@
+//! Integers of an epoch without the phases that may spoil those of all others.
+//!
+//! A constellation with a bias, phases that unlike receivers measure differently, or code full of
+//! reflections leave no integers that fit. Which of them it is nobody tells: each suspect is left out in
+//! turn, and the surest integers of the rest count. Each trial may go wrong, so each is allowed its
+//! share of the rate only.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::code_free;
+use super::fix::{Fixer, Outcome, Verdict};
+use super::locate::CommonFrame;
+use super::settings::{Constraint, Settings};
+use crate::difference::{self, Link};
+use crate::float_solution::FloatSolution;
+use crate::signal::System;
+
+/// A trial without code takes long; after one that found nothing, the next seconds have none.
+const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
+
+/// Part of an epoch whose integers are accepted.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub(super) links: Vec<Link>,
+    pub(super) groups: Vec<Range<usize>>,
+    pub(super) float: FloatSolution,
+    pub(super) outcome: Outcome,
+    rivals: f64,
+}
+
+/// What may spoil an epoch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Suspect {
+    /// Phases that unlike receivers may have an unknown bias for; their code is good.
+    Unlike,
+    /// All of a system.
+    System(System),
+    /// All code.
+    Code,
+}
+
+impl Fixer {
+    /// Integers of the epoch alone without one of the suspects, where those of the whole `float` have
+    /// another verdict than fixed; `is_unlike` names the links of [`Suspect::Unlike`].
+    pub(super) fn fix_without_a_suspect(
+        &mut self,
+        verdict: Verdict,
+        float: &FloatSolution,
+        links: &[Link],
+        is_unlike: impl Fn(&Link) -> bool,
+        frame: &CommonFrame,
+        settings: &Settings,
+    ) -> Option<Part> {
+        let suspects = self.suspects(verdict, float, links, &is_unlike, settings);
+        let rate = settings.max_wrong_fix_rate / suspects.len() as f64;
+        let rest = |suspect: Suspect| -> Vec<Link> {
+            let without = |link: &Link| match suspect {
+                Suspect::Unlike if is_unlike(link) => Some(Link { phase_m: None, ..*link }),
+                Suspect::System(spoilt) if link.satellite.system == spoilt => None,
+                _ => Some(*link),
+            };
+            links.iter().filter_map(without).collect()
+        };
+        let mut fixed: Vec<Part> = Vec::new();
+        for suspect in suspects {
+            let part =
+                self.fix_part(rest(suspect), suspect == Suspect::Code, frame, settings, rate);
+            if suspect == Suspect::Code && part.is_none() {
+                self.no_trial_without_code_until = self.time + PAUSE_AFTER_FAILURE_S;
+            }
+            fixed.extend(part);
+        }
+        fixed.into_iter().min_by(|a, b| a.rivals.total_cmp(&b.rivals))
+    }
+
+    fn suspects(
+        &self,
+        verdict: Verdict,
+        float: &FloatSolution,
+        links: &[Link],
+        is_unlike: impl Fn(&Link) -> bool,
+        settings: &Settings,
+    ) -> Vec<Suspect> {
+        let mut suspects = Vec::new();
+        if verdict == Verdict::Fixed {
+            return suspects;
+        }
+        let geometry_is_known = settings.constraint != Constraint::None;
+        let may_try = self.time >= self.no_trial_without_code_until;
+        if geometry_is_known && may_try && code_free::code_is_useless(float) {
+            suspects.push(Suspect::Code);
+        }
+        if links.iter().any(is_unlike) {
+            suspects.push(Suspect::Unlike);
+        }
+        let systems: BTreeSet<System> = links.iter().map(|l| l.satellite.system).collect();
+        // What is left of one system alone is nothing.
+        if verdict.is_spoilt() && systems.len() > 1 {
+            suspects.extend(systems.into_iter().map(Suspect::System));
+        }
+        suspects
+    }
+
+    fn fix_part(
+        &mut self,
+        mut links: Vec<Link>,
+        code_is_left_out: bool,
+        frame: &CommonFrame,
+        settings: &Settings,
+        rate: f64,
+    ) -> Option<Part> {
+        let groups = difference::group(&mut links);
+        let rovers: Vec<usize> = frame.rovers().collect();
+        let noise = self.noise();
+        let float =
+            FloatSolution::solve(&links, &groups, frame.reference, &rovers, |_| noise).ok()?;
+        let float = if code_is_left_out { float.without_code() } else { float };
+        let outcome = self.fix(&float, &links, frame, settings, rate);
+        let rivals = outcome.best.as_ref()?.1;
+        let fixed = outcome.verdict == Verdict::Fixed;
+        fixed.then_some(Part { links, groups, float, outcome, rivals })
+    }
+}
