@@ -218,7 +218,8 @@ impl AttitudeSession {
         next: Option<(f64, ImuSample)>,
     ) -> Option<PredictedAttitude> {
         let time_s = self.seconds(tag) - self.clock_m / SPEED_OF_LIGHT_MPS;
-        let mut filter = self.filter.clone().filter(|_| self.began_at_fix)?;
+        let may_predict = |filter: &&AttitudeFilter| self.began_at_fix && filter.time_s() <= time_s;
+        let mut filter = self.filter.as_ref().filter(may_predict)?.clone();
         let mut last = self.last_sample;
         let waiting = self.order.waiting().filter_map(|(at_s, input)| match input {
             Input::Sample(sample) => Some((at_s, *sample)),
