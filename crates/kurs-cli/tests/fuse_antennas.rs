@@ -347,6 +347,15 @@ fn what_cannot_be_is_refused_in_words() {
         assert!(told.contains(expected), "{told}");
         assert_eq!(output.status.code(), Some(status), "{told}");
     }
+    let output = fuse(folder, &good.replace("[imu]", "[imu]\ntime_offset_s = 86400.0"));
+    let told = text(&output.stderr);
+    assert!(
+        told.contains(
+            "(129600.0 to 129612.0 s) and the antennas (43200.0 to 43212.0 s) have no time"
+        ),
+        "{told}"
+    );
+    assert_eq!(output.status.code(), Some(1), "{told}");
     // Accelerometers in g under the header of m/s².
     edit(&folder.join("imu.csv"), |k, line| {
         let fields: Vec<&str> = line.split(',').collect();

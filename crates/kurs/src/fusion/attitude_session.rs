@@ -27,6 +27,8 @@ use crate::time::GpsTime;
 
 /// A pause of the samples longer than so many usual steps has lost some of them.
 const LOST_SAMPLES: f64 = 2.5;
+/// The first sample may be the mean over as much as this.
+const LONGEST_FIRST_STEP_S: f64 = 1.0;
 /// How fast the usual step follows the steps.
 const STEP_SHARE: f64 = 0.05;
 /// So many fixes in a row that the filter refuses: it must be wrong itself.
@@ -310,7 +312,8 @@ impl AttitudeSession {
     fn finish_pending(&mut self) -> Option<()> {
         let (row_s, row) = self.pending.pop_front()?;
         let held = self.held(self.last_sample, row_s);
-        self.advance(row_s, f64::NEG_INFINITY, &held);
+        let known_from_s = if held == NOTHING { row_s } else { f64::NEG_INFINITY };
+        self.advance(row_s, known_from_s, &held);
         self.correct(row_s, row, &held);
         Some(())
     }
@@ -616,6 +619,7 @@ const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
 /// usual step where samples were lost before it.
 fn known_from(last_s: Option<f64>, time_s: f64, usual_step_s: Option<f64>) -> f64 {
     match (last_s, usual_step_s) {
+        (None, _) => time_s - LONGEST_FIRST_STEP_S,
         (Some(last_s), Some(usual_s)) if time_s - last_s > LOST_SAMPLES * usual_s => {
             time_s - usual_s
         }

@@ -6,6 +6,7 @@ mod rows;
 mod solved_rows;
 mod source;
 
+use std::fmt;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -73,9 +74,13 @@ fn fuse(
     rows: &mut Rows,
 ) -> anyhow::Result<usize> {
     let mut too_late = 0;
+    let mut antennas = Span::default();
+    let mut samples = Span::default();
     while let Some(time) = source.next_time()? {
         let time_s = session.seconds(time);
+        antennas.take(time_s);
         while let Some((at_s, sample)) = sensor.next_before(time_s) {
+            samples.take(at_s);
             too_late += usize::from(session.push_sample(at_s, sample).is_err());
             while let Some(fused) = session.next_row() {
                 rows.write(&fused)?;
@@ -85,6 +90,7 @@ fn fuse(
     }
     // A little further: the sample that covers the last row.
     while let Some((at_s, sample)) = sensor.next_before(f64::INFINITY) {
+        samples.take(at_s);
         too_late += usize::from(session.push_sample(at_s, sample).is_err());
         while let Some(fused) = session.next_row() {
             rows.write(&fused)?;
@@ -93,5 +99,35 @@ fn fuse(
     while let Some(fused) = session.last_row() {
         rows.write(&fused)?;
     }
+    if samples.last_s < antennas.first_s || antennas.last_s < samples.first_s {
+        bail!(
+            "the sensor's log ({samples}) and the antennas ({antennas}) have no time in common: `time_s` is the \
+             GPS second of the week, [imu] time_offset_s is added to it"
+        );
+    }
     Ok(too_late)
+}
+
+/// First and last of some times, s.
+struct Span {
+    first_s: f64,
+    last_s: f64,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { first_s: f64::INFINITY, last_s: f64::NEG_INFINITY }
+    }
+}
+
+impl Span {
+    fn take(&mut self, time_s: f64) {
+        (self.first_s, self.last_s) = (self.first_s.min(time_s), self.last_s.max(time_s));
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} to {:.1} s", self.first_s, self.last_s)
+    }
 }

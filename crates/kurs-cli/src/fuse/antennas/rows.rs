@@ -210,9 +210,10 @@ impl Rows {
                 total.fixed_by_prediction, total.refused_by_prediction
             ));
         }
-        if total.attitudes_rejected > total.attitudes_used {
+        let refused = total.attitudes_rejected + total.refused_by_prediction;
+        if 4 * refused > total.attitudes_used {
             lines.push(
-                "most attitudes were rejected: are unit, mounting and time of the sensor right?"
+                "many attitudes were rejected: are unit, mounting and time of the sensor right?"
                     .to_owned(),
             );
         }
