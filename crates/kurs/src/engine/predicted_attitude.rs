@@ -218,3 +218,21 @@ fn log_ball(n: usize) -> f64 {
     let steps = (2..=n).filter(|m| m % 2 == n % 2);
     first + steps.map(|m| (core::f64::consts::TAU / m as f64).ln()).sum::<f64>()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_volume_of_what_is_plausible() {
+        let pi = core::f64::consts::PI;
+        for (n, volume) in [(0, 1.0), (1, 2.0), (2, pi), (3, 4.0 * pi / 3.0), (6, pi.powi(3) / 6.0)]
+        {
+            assert!((log_ball(n) - f64::ln(volume)).abs() < 1e-12, "{n}");
+        }
+        for n in 3..40 {
+            let exceeded = chi_square_tail(plausible_radius(n).powi(2), n);
+            assert!((exceeded / LEAST_PLAUSIBLE - 1.0).abs() < 0.03, "{n}: {exceeded}");
+        }
+    }
+}
