@@ -151,8 +151,8 @@ impl KeplerEphemeris {
             symmetric("Cic", e.inclination_harmonics_rad[0], 0.1),
             symmetric("Cis", e.inclination_harmonics_rad[1], 0.1),
             symmetric("clock bias", e.clock_bias_s, 1.0),
-            symmetric("clock drift", e.clock_drift, 1e-4),
-            symmetric("clock drift rate", e.clock_drift_rate, 1e-9),
+            symmetric("clock drift", e.clock_drift, 1e-7),
+            symmetric("clock drift rate", e.clock_drift_rate, 1e-12),
             symmetric("group delay", e.group_delays_s[0], 1e-5),
             symmetric("second group delay", e.group_delays_s[1], 1e-5),
             ("accuracy", e.accuracy_m, -1.0, 1e5),
@@ -490,6 +490,7 @@ mod tests {
         assert_eq!(refuse(|e| e.mean_anomaly_rad = f64::INFINITY), "mean anomaly");
         assert_eq!(refuse(|e| e.radius_harmonics_m[1] = 1e300), "Crs");
         assert_eq!(refuse(|e| e.clock_bias_s = f64::NAN), "clock bias");
+        assert_eq!(refuse(|e| e.clock_drift = 6.9e-5), "clock drift");
         assert_eq!(refuse(|e| e.accuracy_m = f64::NAN), "accuracy");
     }
 
