@@ -5,7 +5,11 @@
 mod predicting;
 mod solving;
 
-use kurs::solution::Status;
+use kurs::engine::{Constraint, Engine, PredictedAttitude};
+use kurs::frames::{Attitude, Rotation};
+use kurs::solution::{PredictionRole, Reason, Status};
+use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
+use nalgebra::Matrix3;
 use predicting::{Case, Fault, JOLT_S, Judged, OUTAGE_ENDS_S, solve};
 
 /// So many epochs in a row must contradict the filter before it begins anew.
@@ -64,6 +68,51 @@ fn a_wrong_prediction_makes_no_wrong_fix() {
             assert_eq!(count(&epochs, 1, Judged::is_wrong), 0, "{case:?} {fault:?}");
         }
     }
+}
+
+/// Predictions that are no attitudes say nothing; one that is endlessly sure refuses, and no more.
+#[test]
+fn what_is_no_prediction_changes_nothing() {
+    let scenario = Case::Outage.scenario(0);
+    let settings = solving::settings(&scenario, Constraint::Array);
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let navigation = simulation.navigation().clone();
+    let mut epoch = SimulatedEpoch::default();
+    assert!(simulation.next_epoch(&mut epoch));
+    let observed = &epoch.bodies[0].observed;
+    let solved = |ned_from_body: Matrix3<f64>, covariance_rad2: Matrix3<f64>| {
+        let mut engine = Engine::new(settings.clone(), navigation.clone()).unwrap();
+        let ned_from_body = Rotation::from_matrix(ned_from_body);
+        let predicted = PredictedAttitude { ned_from_body, covariance_rad2, may_decide: true };
+        engine.push_predicted(observed, Some(&predicted))
+    };
+    let alone = Engine::new(settings.clone(), navigation.clone()).unwrap().push(observed);
+    assert_eq!(alone.status, Status::Fixed);
+    let usual = Matrix3::identity() * 1e-4;
+    for (matrix, covariance) in [
+        (Matrix3::repeat(f64::NAN), usual),
+        (Matrix3::zeros(), usual),
+        (Matrix3::identity(), Matrix3::repeat(f64::NAN)),
+        (Matrix3::identity(), Matrix3::identity() * f64::INFINITY),
+        (Matrix3::identity(), Matrix3::identity() * 1e300),
+        (Matrix3::identity(), Matrix3::identity()),
+        (Matrix3::identity(), -usual),
+    ] {
+        assert_eq!(solved(matrix, covariance), alone, "{matrix} {covariance}");
+    }
+    let truth = epoch.bodies[0].truth.attitude;
+    let away = Attitude { heading_rad: truth.heading_rad + 0.5, ..truth }.ned_from_body().matrix();
+    for covariance in [Matrix3::zeros(), usual] {
+        let refused = solved(away, covariance);
+        assert_eq!(refused.prediction, Some(PredictionRole::Refused));
+        assert_eq!(
+            (refused.status, refused.reason),
+            (Status::Inconsistent, Some(Reason::Residuals))
+        );
+    }
+    let right = solved(truth.ned_from_body().matrix(), usual);
+    assert_eq!(right.prediction, Some(PredictionRole::Agreed));
+    assert_eq!(right.attitude, alone.attitude, "the prediction is not in the attitude");
 }
 
 /// A filter that has gone wrong does not lock right fixes out for long.

@@ -97,11 +97,12 @@ impl PredictedAttitude {
         let seen: Vec<usize> = (0..3)
             .filter(|i| svd.singular_values[*i] > LEAST_CHANGE * svd.singular_values.max())
             .collect();
-        let uncertain = |i: &usize| {
+        let is_certain = |i: &usize| {
             let axis = turns.row(*i).transpose();
-            axis.dot(&(covariance_rad2 * &axis)).sqrt() > MAX_SD_RAD
+            let variance_rad2 = axis.dot(&(covariance_rad2 * &axis));
+            (0.0..=MAX_SD_RAD * MAX_SD_RAD).contains(&variance_rad2)
         };
-        if seen.iter().any(uncertain) {
+        if seen.is_empty() || !seen.iter().all(is_certain) {
             return None;
         }
         let survey_m2 = survey_covariance(k, settings.array_sd_m.max(LEAST_ARRAY_SD_M));
