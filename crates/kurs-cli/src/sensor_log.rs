@@ -18,6 +18,8 @@ const ACCELERATION_UNITS: [(&str, f64); 3] =
 
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
+/// Beyond this, in any unit, a reading is none.
+const LARGEST_READING: f64 = 1e9;
 
 /// Samples of one file in SI units; rows that cannot be used are left out and noted.
 #[derive(Debug, Default)]
@@ -103,6 +105,11 @@ impl SensorLog {
         (!gaps.is_empty()).then(|| (gaps.len(), gaps.iter().copied().fold(0.0, f64::max)))
     }
 
+    /// From the first sample to the last.
+    pub(crate) fn length_s(&self) -> f64 {
+        self.time_s.last().unwrap_or(&0.0) - self.time_s.first().unwrap_or(&0.0)
+    }
+
     /// Median time between samples.
     pub(crate) fn step_s(&self) -> f64 {
         let mut steps: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -168,7 +175,11 @@ impl SensorReader {
         let columns = &self.columns;
         let time_s = number(record, columns.time)?;
         if time_s <= self.last_s && self.backwards == Backwards::LeftOut {
-            return Err(format!("time goes back from {} s to {time_s} s", self.last_s));
+            return Err(if time_s == self.last_s {
+                format!("time {time_s} s is that of the row before")
+            } else {
+                format!("time goes back from {} s to {time_s} s", self.last_s)
+            });
         }
         let force = columns.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
         let rate = columns.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
@@ -215,7 +226,11 @@ impl Iterator for SensorReader {
 impl Triple {
     fn read(&self, record: &csv::StringRecord) -> Result<Vector3<f64>, String> {
         let [x, y, z] = self.columns.map(|column| number(record, column));
-        Ok(Vector3::new(x?, y?, z?) * self.factor)
+        let reading = Vector3::new(x?, y?, z?);
+        if reading.amax() > LARGEST_READING {
+            return Err(format!("{:e} is no reading of a sensor", reading.amax()));
+        }
+        Ok(reading * self.factor)
     }
 }
 

@@ -221,6 +221,22 @@ fn problems_are_named() {
         })
         .collect();
     refused("six-position", &shaken, "motion in pose 3");
+    // Milliseconds in the column of seconds; a sensor that never rests; a number that is no reading.
+    let good = log(&six, 9, 1.0, NOISE_MPS2);
+    let change = |name: &str, change: &dyn Fn(usize, Vec<f64>) -> Vec<f64>| {
+        let rows = good.lines().skip(1).enumerate().map(|(k, line)| {
+            let row = change(k, line.split(',').map(|field| field.parse().unwrap()).collect());
+            row.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+        });
+        let header = good.lines().take(1).map(str::to_owned);
+        write(folder, name, &(header.chain(rows).collect::<Vec<_>>().join("\n") + "\n"))
+    };
+    let short = change("short.csv", &|_, row| [&[row[0] / 1e6], &row[1..]].concat());
+    refused("six-position", &[short], "is `time_s` in seconds?");
+    let huge =
+        change("huge.csv", &|k, row| if k == 7 { vec![row[0], 1e300, 0.0, 0.0] } else { row });
+    let output = calibrate(folder, "six-position", &[huge], &["--gravity", "9.81"]);
+    assert!(text(&output.stderr).contains("huge.csv:9: 1e300 is no reading of a sensor"));
     let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
     refused("six-position", &[words], "no sensor columns; expected ax_mps2");
 }
@@ -302,6 +318,8 @@ fn damage_in_the_log_is_named_and_survived() {
         told.contains("axis x reads exactly 9.0000 m/s² all through pose 1: saturated"),
         "{told}"
     );
+    let told = text(&output.stdout);
+    assert!(told.contains("the poses do not fit one linear sensor; pose"), "{told}");
     let nothing = [write(folder, "empty.csv", "time_s,ax_mps2,ay_mps2,az_mps2\n")];
     let output = calibrate(folder, "six-position", &nothing, &[]);
     assert_eq!(output.status.code(), Some(1));

@@ -188,6 +188,47 @@ fn an_outage_is_coasted_through_and_smoothed() {
     assert!(rows.iter().all(|row| row[1].is_nan() == OUTAGE_S.contains(&row[0])));
 }
 
+/// The epochs solved by `kurs fuse` itself: after an outage with few satellites back it fixes those that
+/// `kurs solve` cannot, and the rest is as good as before.
+#[test]
+fn the_prediction_helps_the_integers() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let galileo = (1..=36).map(|n| format!("\"E{n:02}\", "));
+    let a_third = (1..=32).step_by(3).map(|n| format!("\"G{n:02}\", "));
+    let gone: String = galileo.chain(a_third).collect();
+    let scenario = SCENARIO.replace(r#""G1C", "G2W", "E1C", "E5Q""#, r#""G1C", "E1C""#)
+        + &format!("[[outage]]\nfrom_s = 70.1\nto_s = 90.1\nsatellites = [{gone}]\n");
+    simulated(folder, &scenario);
+    let given = config(folder);
+    fuse_well(folder, &given);
+    let before = summary(folder);
+    let chain = given.replace("attitude = \"solved/attitude.csv\"", "solve = \"kurs.toml\"");
+    let told = text(&fuse_well(folder, &chain).stdout);
+    assert!(told.contains("the prediction decided on the integers of"), "{told}");
+    let after = summary(folder);
+    let number = |summary: &serde_json::Value, key: &str| summary[key].as_u64().unwrap();
+    assert_eq!(number(&before, "epochs"), number(&after, "epochs"));
+    let decided = number(&after["filter"], "fixed_by_prediction");
+    assert!(decided >= 50, "{decided}");
+    assert!(number(&after, "fixed") >= number(&before, "fixed") + 50);
+    assert_eq!(after["filter"]["refused_by_prediction"], 0);
+    let health = fs::read_to_string(folder.join("fused/health.csv")).unwrap();
+    let rows = health.lines().filter(|line| line.contains(",decided,")).count() as u64;
+    assert_eq!(rows, decided);
+    for angle in ["heading", "pitch", "roll"] {
+        let errors = errors(folder, "fused/attitude.csv", angle);
+        let worst = errors.iter().map(|[_, e, sd]| (e / sd).abs()).fold(0.0, f64::max);
+        assert!(worst < 5.0, "{angle}: {worst} σ");
+    }
+    // The first epoch after the outage, and all after it.
+    let rows = fs::read_to_string(folder.join("fused/attitude.csv")).unwrap();
+    let back: Vec<&str> = rows.lines().skip(1 + 351).collect();
+    let fixed = back.iter().filter(|row| row.contains(",fixed,")).count();
+    assert!(back[0].contains(",fixed,"), "{}", back[0]);
+    assert!(fixed + 5 >= back.len(), "{fixed} of {}", back.len());
+}
+
 /// Two antennas have no roll, and an attitude only once a second: the sensor has the rest.
 #[test]
 fn two_antennas_and_more_rows_than_theirs() {
@@ -290,6 +331,15 @@ fn what_cannot_be_is_refused_in_words() {
         ("gyro_range_degps = 2000.0", "gyro_range_degps = 0.0", 2, "imu.gyro_range_degps: 0 found"),
         ("attitude.csv", "baselines.csv", 1, "attitude.csv of kurs solve is expected"),
         ("attitude.csv", "nothing.csv", 1, "nothing.csv: cannot be read"),
+        (
+            "attitude = \"solved/attitude.csv\"",
+            "",
+            2,
+            "antennas: none of `attitude` and `solve` found, expected one",
+        ),
+        ("correlation_s", "solve = \"kurs.toml\"\ncorrelation_s", 2, "antennas: both of"),
+        ("attitude = \"solved/attitude.csv\"", "solve = \"imu.csv\"", 2, "imu.csv:1"),
+        ("attitude = \"solved/attitude.csv\"", "solve = \"no.toml\"", 2, "no.toml: cannot be read"),
         ("correlation_s = 0.0", "latitude_deg = 95.0", 2, "antennas.latitude_deg: 95 found"),
     ] {
         let output = fuse(folder, &good.replace(from, to));
@@ -297,6 +347,15 @@ fn what_cannot_be_is_refused_in_words() {
         assert!(told.contains(expected), "{told}");
         assert_eq!(output.status.code(), Some(status), "{told}");
     }
+    let output = fuse(folder, &good.replace("[imu]", "[imu]\ntime_offset_s = 86400.0"));
+    let told = text(&output.stderr);
+    assert!(
+        told.contains(
+            "(129600.0 to 129612.0 s) and the antennas (43200.0 to 43212.0 s) have no time"
+        ),
+        "{told}"
+    );
+    assert_eq!(output.status.code(), Some(1), "{told}");
     // Accelerometers in g under the header of m/s².
     edit(&folder.join("imu.csv"), |k, line| {
         let fields: Vec<&str> = line.split(',').collect();

@@ -97,7 +97,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             s.rejected_percent
         );
     }
+    print_directions(seeds.min(20));
     draw(&shown)
+}
+
+/// The published filter with an open gate, by the direction of the acceleration that its reference does
+/// not state.
+fn print_directions(seeds: u64) {
+    println!("\n| acceleration towards, degrees | heading in the turn, degrees |\n|---|---|");
+    for azimuth_deg in [-80.0, -40.0, 0.0, 30.0, 90.0, 100.0, 140.0f64] {
+        let azimuth_rad = azimuth_deg.to_radians();
+        let course = Course::Accelerated { acceleration_mps2: 5.0, azimuth_rad };
+        let published = Candidate::PublishedOwnWorld(Gate::Open);
+        let campaign = Campaign { initial: STEADY, ..Campaign::new(published, course) };
+        let heading_deg = campaign.run(0..seeds).heading_manoeuvre;
+        println!("| {azimuth_deg:.0} | {heading_deg:.1} |");
+    }
 }
 
 /// Figure 2: the heading that the body turns through and the mean estimates.

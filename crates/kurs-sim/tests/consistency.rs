@@ -19,6 +19,7 @@ use kurs::signal_residuals::integer_sums;
 use kurs::solution::Status;
 use kurs_sim::scenario::{MotionPlan, Scenario};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
+use nalgebra::{DMatrix, DVector};
 use solving::{
     Integers, NOISE, TrueCycles, angle_errors, baseline_error, normalised_square, settings,
 };
@@ -130,6 +131,45 @@ fn integers_are_right_as_often_as_predicted() {
     println!("right {share:.4}, predicted {expected:.4} ± {band:.4}");
     assert!((0.2..0.95).contains(&expected), "a weak model was wanted: {expected}");
     assert!(share > expected - band && share < expected + band + 0.05, "{share} {expected}");
+}
+
+/// What is known of a baseline from outside enters a float solution as one more observation: whatever the
+/// integers, it does not matter whether they or it come first.
+#[test]
+fn a_float_solution_is_told_of_its_baseline() {
+    let mut scenario = roof(22, 1);
+    scenario.body[0].antenna.truncate(2);
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let mut epoch = SimulatedEpoch::default();
+    assert!(simulation.next_epoch(&mut epoch));
+    let (links, groups) = differences(&epoch, simulation.navigation());
+    let factors = |_| VarianceFactors { code: 1.3, phase: 0.8 };
+    let float = FloatSolution::solve(&links, &groups, 0, &[1], factors).unwrap();
+    let directions = DMatrix::from_column_slice(3, 2, &[1.0, 0.0, 0.0, 0.0, 0.6, 0.8]);
+    let measured_m = DVector::from_column_slice(&[0.02, -0.05]);
+    let v = DMatrix::from_column_slice(2, 2, &[4e-4, 1e-4, 1e-4, 9e-4]);
+    let told = float.informed(&directions, &measured_m, &v).unwrap();
+
+    let integers: Vec<f64> = float.ambiguities_cycles.iter().map(|a| a.round() + 1.0).collect();
+    let off =
+        |float: &FloatSolution| &float.ambiguities_cycles - DVector::from_column_slice(&integers);
+    let solved = |float: &FloatSolution| {
+        float.ambiguity_covariance.clone().cholesky().unwrap().solve(&off(float))
+    };
+    // x̌ = x̂ − Q_x̂â Q_â⁻¹ (â − z), by normal equations and by covariances
+    let by_equations = told.conditional(&integers).unwrap();
+    let by_covariances = &told.correction_m - &told.cross_covariance * solved(&told);
+    let difference_m = (&by_equations.correction_m - by_covariances).amax();
+    assert!(difference_m < 1e-6, "{difference_m}");
+    // |â − z|² and what the measurement adds, in both orders
+    let first = told.code_fit.sum - float.code_fit.sum + off(&told).dot(&solved(&told));
+    let alone = float.conditional(&integers).unwrap();
+    let innovation_m = &measured_m - directions.tr_mul(&alone.correction_m);
+    let s = directions.tr_mul(&alone.covariance_m2) * &directions + &v;
+    let added = innovation_m.dot(&s.cholesky().unwrap().solve(&innovation_m));
+    let last = off(&float).dot(&solved(&float)) + added;
+    assert!((first / last - 1.0).abs() < 1e-6, "{first} {last}");
+    assert_eq!(told.code_fit.freedom, float.code_fit.freedom + 2);
 }
 
 /// Observed less computed of both antennas at their true places, and the groups of one code.

@@ -10,6 +10,7 @@
 //! epochs know of the ambiguities.
 
 mod information;
+mod informed;
 pub mod recursive;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};

@@ -104,6 +104,31 @@ pub struct EpochSolution {
     pub integers: Vec<IntegerSum>,
     /// Probability of all other integers over that of the best; `None` unless wanted.
     pub rivals: Option<f64>,
+    /// What a predicted attitude had to say; `None` without one, or where it said nothing.
+    pub prediction: Option<PredictionRole>,
+}
+
+/// What a predicted attitude did for an epoch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PredictionRole {
+    /// Nothing: the fix was sure without it, and agrees with it.
+    Agreed,
+    /// It decided between integers that the epoch alone was not sure of.
+    Decided,
+    /// It refused a fix that contradicts it.
+    Refused,
+}
+
+impl PredictionRole {
+    /// The word in the outputs.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Agreed => "agreed",
+            Self::Decided => "decided",
+            Self::Refused => "refused",
+        }
+    }
 }
 
 /// Whole cycles of the links of one double difference, added up with their signs.
@@ -216,6 +241,7 @@ impl EpochSolution {
             residuals: Vec::new(),
             integers: Vec::new(),
             rivals: None,
+            prediction: None,
         }
     }
 }

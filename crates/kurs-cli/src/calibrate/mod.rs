@@ -84,6 +84,11 @@ const GRAVITY_ANOMALY_SD_MPS2: f64 = 5e-4;
 /// How far it is from that of 45° anywhere on the Earth.
 const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 
+/// Residuals of a pose up to this are noise, or what is not linear in a good sensor …
+const LARGEST_MISFIT_MPS2: f64 = 0.02;
+/// … or this many standard deviations of its mean.
+const LARGEST_MISFIT_SIGMAS: f64 = 5.0;
+
 /// `calibration.toml`, as `kurs fuse` reads it.
 #[derive(Debug, Serialize)]
 struct CalibrationFile {
@@ -195,6 +200,9 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
             rests.len(),
             100.0 * resting as f64 / log.accelerometer.len() as f64
         );
+        if rests.is_empty() {
+            bail!("{}: {}", file.display(), without_rest(&log));
+        }
         let samples = &log.accelerometer;
         for rest in rests {
             if let Some(axis) = static_intervals::stuck_axis(&samples[rest.clone()]) {
@@ -225,6 +233,14 @@ fn read(file: &Path) -> anyhow::Result<SensorLog> {
     Ok(log)
 }
 
+/// Why no rest was found, in words.
+fn without_rest(log: &SensorLog) -> String {
+    let length_s = log.length_s();
+    let why =
+        if length_s < 2.0 { "is `time_s` in seconds?" } else { "the sensor moves all the time" };
+    format!("no rest of two seconds found in a log of {length_s:.3} s: {why}")
+}
+
 fn report_accelerometer(
     input: &Input,
     gravity: &Gravity,
@@ -246,6 +262,14 @@ fn report_accelerometer(
     }
     let sum: f64 = residuals.iter().map(|residual| residual * residual).sum();
     println!("length residuals {:.5} m/s² rms", (sum / residuals.len() as f64).sqrt());
+    if let Some(pose) = worst_misfit(poses, &residuals) {
+        println!(
+            "the poses do not fit one linear sensor; pose {} fits worst ({:+.3} m/s²): did it move, or is an \
+             axis saturated? The stated sigmas do not hold",
+            pose + 1,
+            residuals[pose]
+        );
+    }
     if let Some(common) = model.suspected_gravity_error() {
         println!(
             "all three scale factors are off by {:+.2} %: is the local gravity right? {:.3} m/s² would \
@@ -268,6 +292,16 @@ fn report_accelerometer(
     Ok(ExitCode::SUCCESS)
 }
 
+/// The pose with the largest residual, if that is far beyond the noise of the means.
+fn worst_misfit(poses: &[Pose], residuals: &[f64]) -> Option<usize> {
+    let noise_mps2 = |pose: &Pose| pose.sample_sd_mps2 / (pose.samples as f64).sqrt();
+    let allowed_mps2 =
+        |pose: usize| LARGEST_MISFIT_MPS2.max(LARGEST_MISFIT_SIGMAS * noise_mps2(&poses[pose]));
+    let worst =
+        (0..poses.len()).max_by(|a, b| residuals[*a].abs().total_cmp(&residuals[*b].abs()))?;
+    (residuals[worst].abs() > allowed_mps2(worst)).then_some(worst)
+}
+
 fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
     let [file] = input.files.as_slice() else {
         bail!("gyro-bias takes one file with one long rest");
@@ -278,9 +312,18 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
     }
     let rests = static_intervals::find(&log.gyro, &RestSettings::for_step(log.step_s()));
     let Some(rest) = rests.into_iter().max_by_key(ExactSizeIterator::len) else {
-        bail!("{}: no rest of two seconds found: the sensor moves all the time", file.display());
+        bail!("{}: {}", file.display(), without_rest(&log));
     };
     let samples = &log.gyro[rest];
+    if let Some(axis) = static_intervals::stuck_axis(samples) {
+        eprintln!(
+            "{}: axis {} reads exactly {:.4} rad/s all through the rest: stuck, or its resolution is too \
+             coarse",
+            file.display(),
+            ["x", "y", "z"][axis],
+            samples[0][axis]
+        );
+    }
     let bias = gyro_bias::calibrate(samples)?;
     let mut curves = Vec::new();
     let (mut noise, mut instability) = ([f64::NAN; 3], [f64::NAN; 3]);

@@ -161,14 +161,17 @@ impl Sensor {
 
     /// The next sample, unless it is later than this.
     pub(super) fn next_before(&mut self, time_s: f64) -> Option<(f64, ImuSample)> {
+        let next = self.peek().filter(|(at_s, _)| *at_s <= time_s)?;
+        self.ahead.pop_front();
+        Some(next)
+    }
+
+    /// The next sample, which stays the next.
+    pub(super) fn peek(&mut self) -> Option<(f64, ImuSample)> {
         if self.ahead.is_empty() {
             self.ahead.extend(self.reader.next());
         }
-        let at_s = self.ahead.front()?.time_s + self.time_offset_s;
-        if at_s > time_s {
-            return None;
-        }
-        let row = self.ahead.pop_front()?;
+        let row = self.ahead.front()?;
         let in_body = |v: Vector3<f64>| Vector::from_xyz(self.body_from_imu * v);
         let inside = |reading: &Vector3<f64>, range: f64| reading.amax() < range;
         let rate = row.gyro.filter(|reading| inside(reading, self.rate_range_radps));
@@ -178,6 +181,6 @@ impl Sensor {
             specific_force_mps2: force.map(|reading| in_body(self.calibration.force(&reading))),
             saturated: rate.is_none() || force.is_none() != row.accelerometer.is_none(),
         };
-        Some((at_s, sample))
+        Some((row.time_s + self.time_offset_s, sample))
     }
 }

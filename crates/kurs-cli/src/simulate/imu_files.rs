@@ -44,6 +44,11 @@ fn write_configuration(
 ) -> anyhow::Result<()> {
     let mut file = OutputFile::create(directory, &format!("{}.toml", of_body("fuse")))?;
     writeln!(file, "[antennas]\nattitude = \"{}/attitude.csv\"", of_body("solved"))?;
+    writeln!(
+        file,
+        "# Or instead, solved with the prediction: solve = \"{}.toml\"",
+        of_body("kurs")
+    )?;
     writeln!(file, "velocity_point_m = {velocity_point_m:?}\n")?;
     writeln!(file, "[imu]\nfile = \"{}.csv\"", of_body("imu"))?;
     writeln!(file, "position_m = {:?}", imu.position_m)?;

@@ -11,7 +11,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
-use kurs::engine::{Engine, Settings};
+use kurs::antenna_calibration::MountedAntenna;
+use kurs::engine::{Engine, Settings, SettingsError};
+use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
@@ -116,15 +118,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
     }
     let mut review = Review::new(args, &loaded, &navigation)?;
-    let mut engine = Engine::new(settings, navigation)
-        .map_err(|e| UsageError(e.to_string()))?
-        .with_phase_centers(phase_centers.mounts);
-    if let Some(station) = &loaded.config.station {
-        let [x, y, z] = station.position_ecef_m;
-        engine = engine
-            .with_station(Vector::new(x, y, z))
-            .map_err(|error| UsageError(error.to_string()))?;
-    }
+    let mut engine = engine(&loaded, settings, navigation, phase_centers.mounts)?;
     let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;
 
@@ -157,6 +151,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
+}
+
+/// The engine of a configuration.
+pub(crate) fn engine(
+    loaded: &Loaded,
+    settings: Settings,
+    navigation: NavigationData,
+    mounts: Vec<Option<MountedAntenna>>,
+) -> anyhow::Result<Engine> {
+    let unusable = |error: SettingsError| UsageError(error.to_string());
+    let engine = Engine::new(settings, navigation).map_err(unusable)?.with_phase_centers(mounts);
+    let Some(station) = &loaded.config.station else { return Ok(engine) };
+    let [x, y, z] = station.position_ecef_m;
+    Ok(engine.with_station(Vector::new(x, y, z)).map_err(unusable)?)
 }
 
 /// The row of an epoch of which no attitude can ever come: only one antenna has any observations.

@@ -60,6 +60,11 @@ impl Streams {
         Ok(Self { streams, station, interval_s: f64::INFINITY })
     }
 
+    /// Shortest time between two epochs of one antenna so far, s; `None` before there were two.
+    pub(crate) fn interval_s(&self) -> Option<f64> {
+        Some(self.interval_s).filter(|s| s.is_finite())
+    }
+
     /// Number of antennas that have any epoch at all.
     pub(crate) fn antennas_with_epochs(&self) -> usize {
         self.streams.iter().filter(|s| s.span.is_some()).count()

@@ -87,7 +87,7 @@ pub(super) struct Outcome {
 /// The searches, and the noise of the session.
 #[derive(Debug, Default)]
 pub(super) struct Fixer {
-    searches: Searches,
+    pub(super) searches: Searches,
     code: NoiseScale,
     phase: NoiseScale,
     independence: Independence,
@@ -137,8 +137,7 @@ impl Fixer {
         if float.ambiguities_cycles.is_empty() {
             return outcome;
         }
-        let (noise, noise_freedom) = (self.noise(), self.code.freedom());
-        let problem = Problem { float, links, frame, settings, rate, noise, noise_freedom };
+        let problem = self.problem(float, links, frame, settings, rate);
         match self.searches.find(&problem) {
             Ok(found) => {
                 let fit = outcome.judge(&found, &problem);
@@ -155,6 +154,19 @@ impl Fixer {
         outcome
     }
 
+    /// The epoch with the noise of the session.
+    pub(super) fn problem<'a>(
+        &self,
+        float: &'a FloatSolution,
+        links: &'a [Link],
+        frame: &'a CommonFrame,
+        settings: &'a Settings,
+        rate: f64,
+    ) -> Problem<'a> {
+        let (noise, noise_freedom) = (self.noise(), self.code.freedom());
+        Problem { float, links, frame, settings, rate, noise, noise_freedom }
+    }
+
     fn learn_phase_noise(&mut self, fit: Fit, success_rate: f64) {
         let applied = self.phase.variance_factor();
         if success_rate > STRONG_MODEL {
@@ -167,7 +179,7 @@ impl Fixer {
 
 impl Outcome {
     /// The float solution, as long as nothing better is known.
-    fn float(float: &FloatSolution, frame: &CommonFrame) -> Self {
+    pub(super) fn float(float: &FloatSolution, frame: &CommonFrame) -> Self {
         Self {
             verdict: Verdict::Float(Reason::NoPhase),
             success_rate: None,
@@ -187,7 +199,7 @@ impl Outcome {
 
     /// Accepts the integers if the others are improbable enough and all checks hold; returns how
     /// well the phases fit.
-    fn judge(&mut self, found: &Found, problem: &Problem) -> Fit {
+    pub(super) fn judge(&mut self, found: &Found, problem: &Problem) -> Fit {
         let Problem { float, frame, settings, rate, .. } = *problem;
         self.success_rate = Some(found.success_rate);
         self.ratio = Some(found.ratio);

@@ -8,10 +8,12 @@ mod misfit;
 mod noise_scale;
 mod orientation;
 mod partial;
+mod predicted_attitude;
 mod search;
 mod settings;
 mod station;
 
+pub use predicted_attitude::PredictedAttitude;
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use core::ops::Range;
@@ -27,13 +29,16 @@ use crate::frames::{Attitude, Body, Ecef, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use crate::solution::{
+    AttitudeEstimate, EpochSolution, PositionEstimate, PredictionRole, Reason, Status,
+};
 use crate::time::GpsTime;
 use channel_bias::ChannelBiases;
-use fix::{Fixer, Verdict};
+use fix::{Fixer, Outcome, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
 use partial::Part;
+use predicted_attitude::PredictedBaselines;
 use station::Station;
 
 /// The estimator: one epoch of all antennas in, one row out.
@@ -53,6 +58,8 @@ pub struct Engine {
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
     ned_from_body: Option<Rotation<Ned, Body>>,
+    /// For the epoch in hand.
+    predicted: Option<PredictedAttitude>,
     station: Option<Box<Station>>,
 }
 
@@ -81,6 +88,7 @@ impl Engine {
             mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
+            predicted: None,
             station: None,
         })
     }
@@ -110,6 +118,18 @@ impl Engine {
 
     /// Attitude, baselines and position of one epoch.
     pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
+        self.push_predicted(epoch, None)
+    }
+
+    /// The same of an epoch whose attitude is predicted: with a known array, the prediction decides
+    /// between integers that the epoch alone is not sure of, and a fix that contradicts it is refused
+    /// ([`EpochSolution::prediction`]). It does not enter the attitude.
+    pub fn push_predicted(
+        &mut self,
+        epoch: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+    ) -> EpochSolution {
+        self.predicted = predicted.copied();
         self.follow_phases(epoch);
         locate(epoch, &self.navigation, &self.settings, &mut self.located);
         let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
@@ -195,6 +215,10 @@ impl Engine {
             (self.links, groups) = (part.links, part.groups);
             (float, outcome) = (part.float, part.outcome);
         }
+        let predicted = self.predicted_baselines(&float, &frame);
+        let decided = self.decide(predicted.as_ref(), outcome.verdict, &float, &frame);
+        let is_decided = decided.is_some();
+        outcome = decided.unwrap_or(outcome);
         row.satellites = float.satellites;
         row.ambiguities = float.ambiguities_cycles.len();
         row.success_rate = outcome.success_rate;
@@ -222,6 +246,12 @@ impl Engine {
             self.mean_misfit.take(misfit, epoch.time);
         }
         (row.status, row.reason) = self.judge(outcome.verdict, &orientation.attitude);
+        if let (Some(predicted), Status::Fixed) = (predicted, row.status) {
+            row.prediction = Some(predicted.role(&outcome.baselines, is_decided));
+            if row.prediction == Some(PredictionRole::Refused) {
+                (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Residuals));
+            }
+        }
         row.baselines = outcome.baselines.local(&frame.horizon, row.status);
         row.attitude = orientation.attitude.ok();
         if row.status == Status::Fixed {
@@ -260,6 +290,29 @@ impl Engine {
                 }
             }
         }
+    }
+
+    /// What the predicted attitude says of the baselines.
+    fn predicted_baselines(
+        &self,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<PredictedBaselines> {
+        self.predicted.as_ref()?.baselines(float, &frame.horizon, &self.settings)
+    }
+
+    /// Integers that the prediction makes sure, if the epoch is not sure of them.
+    fn decide(
+        &mut self,
+        predicted: Option<&PredictedBaselines>,
+        verdict: Verdict,
+        float: &FloatSolution,
+        frame: &CommonFrame,
+    ) -> Option<Outcome> {
+        let may_decide =
+            |p: &&PredictedBaselines| p.may_decide && matches!(verdict, Verdict::Float(_));
+        let predicted = predicted.filter(may_decide)?;
+        self.fixer.fix_with_prediction(predicted, float, &self.links, frame, &self.settings)
     }
 
     /// Integers of the epoch without something that may spoil them, if they are not accepted.

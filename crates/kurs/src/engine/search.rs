@@ -130,7 +130,11 @@ impl Searches {
     }
 
     /// All baselines together, as the known array turned by one rotation.
-    fn with_array(&mut self, problem: &Problem, array: &AntennaArray) -> Result<Found, Reason> {
+    pub(super) fn with_array(
+        &mut self,
+        problem: &Problem,
+        array: &AntennaArray,
+    ) -> Result<Found, Reason> {
         let float = problem.float;
         let positions_m = array.positions_m();
         let reference_m = positions_m[float.reference];

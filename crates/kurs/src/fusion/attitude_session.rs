@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm_filter::Tally;
+use super::arm_filter::{FilterError, Tally};
 use super::arm_session::Event;
 use super::attitude_filter::{
     AttitudeFilter, Corrected, InertialSample, InertialSettings, MeasuredAttitude,
@@ -18,17 +18,24 @@ use super::attitude_filter::{
 use super::smoother::{Recorder, Smoothed};
 use super::time_order::{TimeOrder, TooLate};
 use crate::attitude::angles::angles_from_rotation_vector;
+use crate::engine::{Engine, PredictedAttitude};
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
+use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::solution::{AttitudeEstimate, EpochSolution, Reason, Status};
+use crate::solution::{AttitudeEstimate, EpochSolution, PredictionRole, Reason, Status};
 use crate::time::GpsTime;
 
 /// A pause of the samples longer than so many usual steps has lost some of them.
 const LOST_SAMPLES: f64 = 2.5;
+/// The first sample may be the mean over as much as this.
+const LONGEST_FIRST_STEP_S: f64 = 1.0;
 /// How fast the usual step follows the steps.
 const STEP_SHARE: f64 = 0.05;
 /// So many fixes in a row that the filter refuses: it must be wrong itself.
 const LOCKED_OUT_EPOCHS: usize = 20;
+/// So many fixes that the antennas found by themselves must have agreed with the prediction, the last one
+/// among them, before it may decide on integers: a filter that began at a wrong fix must not make more.
+const CONFIRMING_FIXES: usize = 5;
 /// Variance of an angle that was not measured, rad²: further off than any angle can be.
 const UNMEASURED: f64 = 100.0;
 
@@ -129,6 +136,10 @@ pub struct AttitudeSession {
     last_sample: Option<(f64, ImuSample)>,
     last_used_s: f64,
     locked_out_epochs: usize,
+    /// Whether the filter began at a fix.
+    began_at_fix: bool,
+    /// Fixes without help that agreed with the prediction, since one did not.
+    confirming_fixes: usize,
     health: CoastingHealth,
     events: Vec<(f64, Event)>,
     recorder: Recorder,
@@ -153,6 +164,8 @@ impl AttitudeSession {
             last_sample: None,
             last_used_s: f64::NEG_INFINITY,
             locked_out_epochs: 0,
+            began_at_fix: false,
+            confirming_fixes: 0,
             health: CoastingHealth::default(),
             events: Vec::new(),
             recorder: Recorder::default(),
@@ -176,9 +189,59 @@ impl AttitudeSession {
     ///
     /// [`TooLate`]: it came later than the window allows.
     pub fn push_row(&mut self, row: EpochSolution) -> Result<(), TooLate> {
+        match row.prediction {
+            Some(PredictionRole::Agreed) => self.confirming_fixes += 1,
+            Some(PredictionRole::Refused) => self.confirming_fixes = 0,
+            Some(PredictionRole::Decided) | None => {}
+        }
         self.clock_m = row.position.and_then(|p| p.clock_m).unwrap_or(self.clock_m);
         let time_s = self.seconds(row.time) - self.clock_m / SPEED_OF_LIGHT_MPS;
         self.order.push(time_s, Input::Row(Box::new(row)))
+    }
+
+    /// Solves an epoch with the attitude that the filter predicts for it. Samples up to its time must have
+    /// been taken; `next` is the one after it. The row is to be taken with [`Self::push_row`].
+    pub fn solve(
+        &mut self,
+        epoch: &ArrayEpoch,
+        engine: &mut Engine,
+        next: Option<(f64, ImuSample)>,
+    ) -> EpochSolution {
+        let predicted = self.predict(epoch.time, next);
+        engine.push_predicted(epoch, predicted.as_ref())
+    }
+
+    /// The attitude at an epoch with this tag, from the rows and samples that have left the window and
+    /// the samples that still wait; `None` while no filter runs that began at a fix.
+    #[must_use]
+    pub fn predict(
+        &mut self,
+        tag: GpsTime,
+        next: Option<(f64, ImuSample)>,
+    ) -> Option<PredictedAttitude> {
+        let time_s = self.seconds(tag) - self.clock_m / SPEED_OF_LIGHT_MPS;
+        let may_predict = |filter: &&AttitudeFilter| self.began_at_fix && filter.time_s() <= time_s;
+        let mut filter = self.filter.as_ref().filter(may_predict)?.clone();
+        let mut last = self.last_sample;
+        let waiting = self.order.waiting().filter_map(|(at_s, input)| match input {
+            Input::Sample(sample) => Some((at_s, *sample)),
+            Input::Row(_) => None,
+        });
+        for (at_s, sample) in waiting.chain(next) {
+            if filter.time_s() >= time_s {
+                break;
+            }
+            let known_from_s = known_from(last.map(|(last_s, _)| last_s), at_s, self.usual_step_s);
+            carry(&mut filter, at_s.min(time_s), known_from_s, &sample).ok()?;
+            last = Some((at_s, sample));
+        }
+        let held = self.held(last, time_s);
+        carry(&mut filter, time_s, f64::NEG_INFINITY, &held).ok()?;
+        Some(PredictedAttitude {
+            ned_from_body: filter.ned_from_body(),
+            covariance_rad2: filter.attitude_covariance(),
+            may_decide: self.confirming_fixes >= CONFIRMING_FIXES,
+        })
     }
 
     /// Seconds since the start of the week of the first row that was asked for or taken.
@@ -206,8 +269,7 @@ impl AttitudeSession {
         self.ready.pop_front()
     }
 
-    /// The filter, while it runs: its attitude and covariance are also a prediction for the next
-    /// integers.
+    /// The filter, while it runs.
     #[must_use]
     pub const fn filter(&self) -> Option<&AttitudeFilter> {
         self.filter.as_ref()
@@ -234,7 +296,9 @@ impl AttitudeSession {
     /// Turns the filter to every row before the sample and corrects it there, then to the sample.
     fn absorb_sample(&mut self, time_s: f64, sample: &ImuSample) {
         self.note(sample);
-        let known_from_s = self.known_from(time_s);
+        let last_s = self.last_sample.map(|(last_s, _)| last_s);
+        let known_from_s = known_from(last_s, time_s, self.usual_step_s);
+        self.follow_step(last_s, time_s);
         self.last_sample = Some((time_s, *sample));
         while self.pending.front().is_some_and(|(row_s, _)| *row_s <= time_s) {
             let Some((row_s, row)) = self.pending.pop_front() else { break };
@@ -247,38 +311,34 @@ impl AttitudeSession {
     /// Rows after the last sample: for little more than the usual step its rate is taken to hold.
     fn finish_pending(&mut self) -> Option<()> {
         let (row_s, row) = self.pending.pop_front()?;
-        let (sample_s, sample) = self.last_sample.unwrap_or((f64::NEG_INFINITY, NOTHING));
-        let held_until_s = sample_s + LOST_SAMPLES * self.usual_step_s.unwrap_or(0.0);
-        let known = row_s <= held_until_s;
-        self.advance(row_s, f64::NEG_INFINITY, if known { &sample } else { &NOTHING });
-        self.correct(row_s, row, if known { &sample } else { &NOTHING });
+        let held = self.held(self.last_sample, row_s);
+        let known_from_s = if held == NOTHING { row_s } else { f64::NEG_INFINITY };
+        self.advance(row_s, known_from_s, &held);
+        self.correct(row_s, row, &held);
         Some(())
     }
 
-    /// From when on the sample at a time says how the body turned: since the sample before, or for
-    /// its usual step where samples were lost before it.
-    fn known_from(&mut self, time_s: f64) -> f64 {
-        let Some((last_s, _)) = self.last_sample else { return f64::NEG_INFINITY };
+    /// The last sample for a time after it, or one that says nothing.
+    fn held(&self, last: Option<(f64, ImuSample)>, time_s: f64) -> ImuSample {
+        let (sample_s, sample) = last.unwrap_or((f64::NEG_INFINITY, NOTHING));
+        let held_until_s = sample_s + LOST_SAMPLES * self.usual_step_s.unwrap_or(0.0);
+        if time_s <= held_until_s { sample } else { NOTHING }
+    }
+
+    /// The usual step follows the steps; a pause counts as the longest one.
+    fn follow_step(&mut self, last_s: Option<f64>, time_s: f64) {
+        let Some(last_s) = last_s else { return };
         let step_s = time_s - last_s;
-        let usual_s = *self.usual_step_s.get_or_insert(step_s);
-        let longest_s = LOST_SAMPLES * usual_s;
-        self.usual_step_s = Some(usual_s + STEP_SHARE * (step_s.min(longest_s) - usual_s));
-        if step_s > longest_s { time_s - usual_s } else { f64::NEG_INFINITY }
+        let usual_s = self.usual_step_s.unwrap_or(step_s);
+        let followed_s = step_s.min(LOST_SAMPLES * usual_s);
+        self.usual_step_s = Some(usual_s + STEP_SHARE * (followed_s - usual_s));
     }
 
     /// Integrates to a time: without a rate until `known_from_s`, with that of the sample after it.
     fn advance(&mut self, time_s: f64, known_from_s: f64, sample: &ImuSample) {
         let Some(filter) = &mut self.filter else { return };
-        let unknown_until_s = known_from_s.min(time_s);
-        let mut outcome = Ok(());
-        if filter.time_s() < unknown_until_s {
-            self.health.without_samples_s += unknown_until_s - filter.time_s();
-            outcome = filter.integrate(&at(unknown_until_s, &NOTHING));
-        }
-        if outcome.is_ok() && filter.time_s() < time_s {
-            outcome = filter.integrate(&at(time_s, sample));
-        }
-        if let Err(error) = outcome {
+        self.health.without_samples_s += (known_from_s.min(time_s) - filter.time_s()).max(0.0);
+        if let Err(error) = carry(filter, time_s, known_from_s, sample) {
             self.stop(time_s, Event::Stopped(error));
         }
     }
@@ -287,6 +347,11 @@ impl AttitudeSession {
     fn correct(&mut self, time_s: f64, row: EpochSolution, sample: &ImuSample) {
         if let Some(position) = &row.position {
             self.place = Some(position.geodetic);
+        }
+        // The errors of code attitudes are no small turns: the first fix begins anew.
+        if self.angles(&row).is_some() && row.status == Status::Fixed && !self.began_at_fix {
+            self.filter = None;
+            self.smooth();
         }
         let Some(mut filter) = self.filter.take() else { return self.start_or_pass(time_s, row) };
         if let Some(place) = &self.place {
@@ -302,6 +367,11 @@ impl AttitudeSession {
         };
         let used = corrected.attitude.used > 0;
         self.count(time_s, attitude.is_some(), &corrected);
+        if row.prediction == Some(PredictionRole::Refused) {
+            self.locked_out_epochs += 1;
+        } else if used && row.status == Status::Fixed {
+            self.locked_out_epochs = 0;
+        }
         let status = match row.status {
             Status::Fixed if used => Status::Fixed,
             _ => Status::Float,
@@ -332,7 +402,6 @@ impl AttitudeSession {
         self.health.velocity = *velocity;
         if attitude.used > 0 {
             self.last_used_s = time_s;
-            self.locked_out_epochs = 0;
         } else if attitude.rejected > 0 {
             self.locked_out_epochs += 1;
         } else {
@@ -360,7 +429,8 @@ impl AttitudeSession {
         let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
         self.filter = Some(filter);
         self.last_used_s = time_s;
-        self.locked_out_epochs = 0;
+        self.began_at_fix = made.solution.status == Status::Fixed;
+        (self.locked_out_epochs, self.confirming_fixes) = (0, 0);
         self.events.push((time_s, Event::Started));
         let solution = self.with_attitude(&made, &nominal, &covariance);
         self.emit(made, solution);
@@ -544,6 +614,35 @@ const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
     velocity_mps: Vector::new(0.0, 0.0, 0.0),
     covariance: Matrix3::new(1e4, 0.0, 0.0, 0.0, 1e4, 0.0, 0.0, 0.0, 1e4),
 };
+
+/// From when on the sample at a time says how the body turned: since the sample before, or for its
+/// usual step where samples were lost before it.
+fn known_from(last_s: Option<f64>, time_s: f64, usual_step_s: Option<f64>) -> f64 {
+    match (last_s, usual_step_s) {
+        (None, _) => time_s - LONGEST_FIRST_STEP_S,
+        (Some(last_s), Some(usual_s)) if time_s - last_s > LOST_SAMPLES * usual_s => {
+            time_s - usual_s
+        }
+        _ => f64::NEG_INFINITY,
+    }
+}
+
+/// Integrates a filter to a time: without a rate until `known_from_s`, with that of the sample after it.
+fn carry(
+    filter: &mut AttitudeFilter,
+    time_s: f64,
+    known_from_s: f64,
+    sample: &ImuSample,
+) -> Result<(), FilterError> {
+    let unknown_until_s = known_from_s.min(time_s);
+    if filter.time_s() < unknown_until_s {
+        filter.integrate(&at(unknown_until_s, &NOTHING))?;
+    }
+    if filter.time_s() < time_s {
+        filter.integrate(&at(time_s, sample))?;
+    }
+    Ok(())
+}
 
 /// The sample for the filter: a rate that is not known is no number.
 fn at(time_s: f64, sample: &ImuSample) -> InertialSample {

@@ -56,6 +56,11 @@ impl<T> TimeOrder<T> {
         if ready { self.release() } else { None }
     }
 
+    /// The items that wait, in the order of their times.
+    pub fn waiting(&self) -> impl Iterator<Item = (f64, &T)> {
+        self.waiting.iter().map(|(time_s, item)| (*time_s, item))
+    }
+
     /// The oldest item, however short it waited: at the end of the data.
     pub fn drain(&mut self) -> Option<(f64, T)> {
         self.release()

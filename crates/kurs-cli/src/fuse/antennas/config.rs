@@ -1,6 +1,6 @@
 //! The configuration of `kurs fuse` for antennas and an inertial sensor.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use kurs::frames::{Geodetic, Vector};
 use kurs::fusion::attitude_filter::InertialSettings;
@@ -35,7 +35,9 @@ pub(super) struct Config {
 #[serde(deny_unknown_fields)]
 pub(super) struct AntennasConfig {
     /// `attitude.csv` of `kurs solve` or `kurs orient`.
-    pub(super) attitude: PathBuf,
+    attitude: Option<PathBuf>,
+    /// Or the configuration of `kurs solve`: the epochs are solved here, with what the filter predicts.
+    solve: Option<PathBuf>,
     /// Whether attitudes from real-valued ambiguities are used too.
     #[serde(default = "yes")]
     pub(super) use_float: bool,
@@ -79,6 +81,31 @@ impl Default for FilterConfig {
     }
 }
 
+/// Where the antennas' rows come from.
+pub(super) enum RowsFrom<'a> {
+    /// A table of attitudes.
+    Attitudes(&'a Path),
+    /// A configuration of `kurs solve`.
+    Observations(&'a Path),
+}
+
+impl AntennasConfig {
+    /// The one file that is given.
+    pub(super) fn rows_from(&self) -> Result<RowsFrom<'_>, UsageError> {
+        match (&self.attitude, &self.solve) {
+            (Some(file), None) => Ok(RowsFrom::Attitudes(file)),
+            (None, Some(file)) => Ok(RowsFrom::Observations(file)),
+            (found, _) => {
+                let found = if found.is_some() { "both" } else { "none" };
+                Err(UsageError(format!(
+                    "antennas: {found} of `attitude` and `solve` found, expected one: attitude.csv of \
+                     kurs solve, or its configuration"
+                )))
+            }
+        }
+    }
+}
+
 impl Config {
     /// The session that the configuration describes; `gyro_calibrated`: a bias from a rest is taken
     /// off the rates.
@@ -113,6 +140,7 @@ impl Config {
     /// Refuses values that cannot be meant.
     pub(super) fn check(&self) -> Result<(), UsageError> {
         let Self { antennas, imu, filter, output } = self;
+        antennas.rows_from()?;
         imu.check()?;
         let positive = [
             ("filter.gate_sigmas", filter.gate_sigmas),

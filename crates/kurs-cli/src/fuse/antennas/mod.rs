@@ -1,17 +1,18 @@
-//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, carried on by an inertial
-//! sensor.
+//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, or finds here with the filter's
+//! prediction, carried on by an inertial sensor.
 
 mod config;
 mod rows;
 mod solved_rows;
+mod source;
 
+use std::fmt;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
 use kurs::fusion::attitude_session::AttitudeSession;
-use kurs::solution::EpochSolution;
 
 use super::Args;
 use super::imu::Sensor;
@@ -20,6 +21,7 @@ use crate::failure::UsageError;
 use crate::truth::Truth;
 use config::Config;
 use rows::{Inputs, Rows};
+use source::Source;
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -34,24 +36,20 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut sensor = Sensor::open(folder, &config.imu)?;
     let settings = config.session(sensor.has_gyro_bias());
     let smooth = settings.smooth;
-    let (solved, mut damage) = solved_rows::read(&folder.join(&config.antennas.attitude))?;
-    if settings.place.is_none() && solved.iter().all(|row| row.position.is_none()) {
-        let text = "antennas.latitude_deg: the attitude file has no positions, so it must be given";
-        return Err(UsageError(text.to_owned()).into());
-    }
-    let solved = solved_rows::fill_pauses(solved, config.output.interval_s);
+    let mut source = Source::open(folder, &config.antennas, config.output.interval_s, args.quiet)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
-    let mut rows = Rows::create(&args.out, truth, smooth)?;
+    let mut rows = Rows::create(&args.out, truth, smooth, source.antenna_names())?;
 
     let started = Instant::now();
     let mut session = AttitudeSession::new(settings);
-    let too_late = fuse(&mut session, solved, &mut sensor, &mut rows)?;
+    let too_late = fuse(&mut session, &mut source, &mut sensor, &mut rows)?;
     if smooth {
         rows.write_smoothed(session)?;
     }
+    let (of_antennas, mut damage) = source.finish();
     damage.extend_from_slice(sensor.damage());
     let inputs = Inputs {
-        configuration: format!("{config:?}"),
+        configuration: format!("{config:?}{of_antennas}"),
         damage: &damage,
         too_late,
         wall_s: started.elapsed().as_secs_f64(),
@@ -71,23 +69,28 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// Feeds rows and samples to the session, whichever is behind; how many came too late.
 fn fuse(
     session: &mut AttitudeSession,
-    solved: Vec<EpochSolution>,
+    source: &mut Source,
     sensor: &mut Sensor,
     rows: &mut Rows,
 ) -> anyhow::Result<usize> {
     let mut too_late = 0;
-    for row in solved {
-        let time_s = session.seconds(row.time);
+    let mut antennas = Span::default();
+    let mut samples = Span::default();
+    while let Some(time) = source.next_time()? {
+        let time_s = session.seconds(time);
+        antennas.take(time_s);
         while let Some((at_s, sample)) = sensor.next_before(time_s) {
+            samples.take(at_s);
             too_late += usize::from(session.push_sample(at_s, sample).is_err());
             while let Some(fused) = session.next_row() {
                 rows.write(&fused)?;
             }
         }
-        too_late += usize::from(session.push_row(row).is_err());
+        too_late += usize::from(source.feed(session, sensor.peek()).is_err());
     }
     // A little further: the sample that covers the last row.
     while let Some((at_s, sample)) = sensor.next_before(f64::INFINITY) {
+        samples.take(at_s);
         too_late += usize::from(session.push_sample(at_s, sample).is_err());
         while let Some(fused) = session.next_row() {
             rows.write(&fused)?;
@@ -96,5 +99,35 @@ fn fuse(
     while let Some(fused) = session.last_row() {
         rows.write(&fused)?;
     }
+    if samples.last_s < antennas.first_s || antennas.last_s < samples.first_s {
+        bail!(
+            "the sensor's log ({samples}) and the antennas ({antennas}) have no time in common: `time_s` is the \
+             GPS second of the week, [imu] time_offset_s is added to it"
+        );
+    }
     Ok(too_late)
+}
+
+/// First and last of some times, s.
+struct Span {
+    first_s: f64,
+    last_s: f64,
+}
+
+impl Default for Span {
+    fn default() -> Self {
+        Self { first_s: f64::INFINITY, last_s: f64::NEG_INFINITY }
+    }
+}
+
+impl Span {
+    fn take(&mut self, time_s: f64) {
+        (self.first_s, self.last_s) = (self.first_s.min(time_s), self.last_s.max(time_s));
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} to {:.1} s", self.first_s, self.last_s)
+    }
 }

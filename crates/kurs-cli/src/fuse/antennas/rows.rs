@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
-use kurs::solution::Status;
+use kurs::solution::{PredictionRole, Status};
 use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
@@ -30,6 +30,7 @@ const HEALTH: &[&str] = &[
     "saturated",
     "unusable",
     "without_samples_s",
+    "prediction",
     "event",
 ];
 
@@ -43,6 +44,8 @@ pub(super) struct Rows {
     smoothed_agreement: Agreement,
     summary: Summary,
     total: Total,
+    /// Whether the antennas' epochs are solved here, with what the filter predicts.
+    is_predicted: bool,
     events: EventLog,
 }
 
@@ -71,6 +74,9 @@ struct Total {
     velocities_used: usize,
     velocities_rejected: usize,
     velocity_mean_nis: Option<f64>,
+    /// Fixes that the prediction decided on, and that it refused.
+    fixed_by_prediction: usize,
+    refused_by_prediction: usize,
     saturated: usize,
     unusable: usize,
     without_samples_s: f64,
@@ -96,10 +102,12 @@ struct FusionSummary<'a> {
 }
 
 impl Rows {
+    /// `antennas`: names of those whose epochs are solved here; none if their attitudes are given.
     pub(super) fn create(
         directory: &Path,
         truth: Option<Truth>,
         smooth: bool,
+        antennas: Vec<String>,
     ) -> anyhow::Result<Self> {
         let format = TableFormat::Csv;
         let smoothed = smooth.then(|| create_like_attitude(directory, "smoothed", format));
@@ -111,7 +119,8 @@ impl Rows {
             truth,
             filtered_agreement: Agreement::default(),
             smoothed_agreement: Agreement::default(),
-            summary: Summary::new(Vec::new()),
+            is_predicted: !antennas.is_empty(),
+            summary: Summary::new(antennas),
             total: Total::default(),
             events: EventLog::default(),
         })
@@ -123,7 +132,7 @@ impl Rows {
         let time = TimeColumns::new(solution.time);
         write_attitude(&mut self.attitude, &time, solution)?;
         self.summary.add(solution, false);
-        self.total.add(&row.health);
+        self.total.add(&row.health, solution.prediction);
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -157,6 +166,7 @@ impl Rows {
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
         t.real(Some(health.without_samples_s), 3);
+        t.text(row.solution.prediction.map_or("", PredictionRole::word));
         t.text(&events::in_one_field(&row.events));
         t.end_row()
     }
@@ -194,9 +204,16 @@ impl Rows {
             "attitudes: {} used, {} rejected; longest time without one {:.1} s",
             total.attitudes_used, total.attitudes_rejected, total.longest_coasting_s
         ));
-        if total.attitudes_rejected > total.attitudes_used {
+        if self.is_predicted {
+            lines.push(format!(
+                "the prediction decided on the integers of {} and refused {} fixes",
+                total.fixed_by_prediction, total.refused_by_prediction
+            ));
+        }
+        let refused = total.attitudes_rejected + total.refused_by_prediction;
+        if 4 * refused > total.attitudes_used {
             lines.push(
-                "most attitudes were rejected: are unit, mounting and time of the sensor right?"
+                "many attitudes were rejected: are unit, mounting and time of the sensor right?"
                     .to_owned(),
             );
         }
@@ -211,13 +228,15 @@ impl Rows {
 }
 
 impl Total {
-    fn add(&mut self, health: &CoastingHealth) {
+    fn add(&mut self, health: &CoastingHealth, prediction: Option<PredictionRole>) {
         self.attitudes_used += health.attitude.used / 3;
         self.attitudes_rejected += health.attitude.rejected / 3;
         self.attitude_nis += health.attitude.nis;
         self.velocities_used += health.velocity.used / 3;
         self.velocities_rejected += health.velocity.rejected / 3;
         self.velocity_nis += health.velocity.nis;
+        self.fixed_by_prediction += usize::from(prediction == Some(PredictionRole::Decided));
+        self.refused_by_prediction += usize::from(prediction == Some(PredictionRole::Refused));
         self.saturated += health.saturated;
         self.unusable += health.unusable;
         self.without_samples_s += health.without_samples_s;

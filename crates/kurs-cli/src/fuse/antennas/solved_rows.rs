@@ -10,12 +10,8 @@ use nalgebra::Matrix3;
 
 use crate::summary::Damage;
 
-/// Pauses of the antennas are filled with rows up to this length, s.
-const LONGEST_FILLED_S: f64 = 3600.0;
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
-/// Rows whose spacing says how often the antennas measure.
-const SPACINGS: usize = 200;
 
 /// The rows in the order of the file, and what could not be used.
 pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damage>)> {
@@ -54,28 +50,6 @@ pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damag
         bail!("{name}: no usable row");
     }
     Ok((rows, damage))
-}
-
-/// Puts rows without a solution where the antennas have none for longer than one and a half
-/// intervals: by default the interval at which they measure.
-pub(super) fn fill_pauses(rows: Vec<EpochSolution>, interval_s: Option<f64>) -> Vec<EpochSolution> {
-    let mut spacings: Vec<f64> =
-        rows.windows(2).take(SPACINGS).map(|pair| pair[1].time - pair[0].time).collect();
-    spacings.sort_by(f64::total_cmp);
-    let usual_s = spacings.get(spacings.len() / 2).copied();
-    let Some(interval_s) = interval_s.or(usual_s).filter(|s| *s > 0.0) else { return rows };
-    let mut filled: Vec<EpochSolution> = Vec::with_capacity(rows.len());
-    for row in rows {
-        while let Some(last) = filled.last() {
-            let pause_s = row.time - last.time;
-            if pause_s <= 1.5 * interval_s || pause_s > LONGEST_FILLED_S {
-                break;
-            }
-            filled.push(EpochSolution::lost(last.time + interval_s, Reason::FewAntennas));
-        }
-        filled.push(row);
-    }
-    filled
 }
 
 /// One record by the names of its columns.

@@ -1,0 +1,192 @@
+//! Where the antennas' rows come from: a file that `kurs solve` wrote, or the observations themselves,
+//! solved epoch by epoch with what the filter predicts.
+
+use std::path::Path;
+use std::vec::IntoIter;
+
+use anyhow::{Context, bail};
+use kurs::engine::Engine;
+use kurs::fusion::attitude_session::{AttitudeSession, ImuSample};
+use kurs::fusion::time_order::TooLate;
+use kurs::observation::ArrayEpoch;
+use kurs::solution::{EpochSolution, Reason, Status};
+use kurs::time::GpsTime;
+
+use super::config::{AntennasConfig, RowsFrom};
+use super::solved_rows;
+use crate::failure::UsageError;
+use crate::progress::Progress;
+use crate::solve::config::{self, Loaded, Overrides};
+use crate::solve::streams::Streams;
+use crate::solve::{self, Input};
+use crate::summary::Damage;
+
+/// Pauses of the antennas are filled with rows up to this length, s.
+const LONGEST_FILLED_S: f64 = 3600.0;
+/// Rows whose spacing says how often the antennas measure.
+const SPACINGS: usize = 200;
+
+/// The antennas' rows in time order, one ahead.
+pub(super) struct Source {
+    kind: Kind,
+    /// Rows at least so often; `None`: nothing is filled in.
+    interval_s: Option<f64>,
+    /// Read, but not yet taken.
+    next: Option<Next>,
+    last: Option<GpsTime>,
+    damage: Vec<Damage>,
+}
+
+enum Kind {
+    Solved(IntoIter<EpochSolution>),
+    Observed(Box<Observed>),
+}
+
+/// The chain of `kurs solve`.
+struct Observed {
+    engine: Engine,
+    streams: Streams,
+    epoch: ArrayEpoch,
+    loaded: Loaded,
+    progress: Progress,
+}
+
+enum Next {
+    Row(Box<EpochSolution>),
+    /// In the buffer of the chain.
+    Epoch(GpsTime),
+}
+
+impl Source {
+    /// Opens what `[antennas]` names; `interval_s` from `[output]`.
+    pub(super) fn open(
+        folder: &Path,
+        antennas: &AntennasConfig,
+        interval_s: Option<f64>,
+        quiet: bool,
+    ) -> anyhow::Result<Self> {
+        match antennas.rows_from()? {
+            RowsFrom::Attitudes(file) => {
+                let (rows, damage) = solved_rows::read(&folder.join(file))?;
+                if antennas.latitude_deg.is_none() && rows.iter().all(|r| r.position.is_none()) {
+                    let text = "antennas.latitude_deg: the attitude file has no positions, so it must be given";
+                    return Err(UsageError(text.to_owned()).into());
+                }
+                let interval_s = interval_s.or_else(|| usual_spacing(&rows));
+                let kind = Kind::Solved(rows.into_iter());
+                Ok(Self { kind, interval_s, next: None, last: None, damage })
+            }
+            RowsFrom::Observations(file) => {
+                let (observed, damage) = Observed::open(&folder.join(file), quiet)?;
+                let kind = Kind::Observed(Box::new(observed));
+                Ok(Self { kind, interval_s, next: None, last: None, damage })
+            }
+        }
+    }
+
+    /// Time tag of the next row: of the antennas, or without a solution where they pause for longer
+    /// than one and a half intervals.
+    pub(super) fn next_time(&mut self) -> anyhow::Result<Option<GpsTime>> {
+        if self.next.is_none() {
+            self.next = match &mut self.kind {
+                Kind::Solved(rows) => rows.next().map(|row| Next::Row(Box::new(row))),
+                Kind::Observed(observed) => {
+                    let more = observed.streams.next(&mut observed.epoch)?;
+                    // Known as soon as an epoch is read ahead.
+                    self.interval_s = self.interval_s.or(observed.streams.interval_s());
+                    more.then_some(Next::Epoch(observed.epoch.time))
+                }
+            };
+        }
+        Ok(self.next.as_ref().map(|next| self.filler(next.time()).unwrap_or(next.time())))
+    }
+
+    /// Gives that row to the session; `sample` is the first one after it.
+    pub(super) fn feed(
+        &mut self,
+        session: &mut AttitudeSession,
+        sample: Option<(f64, ImuSample)>,
+    ) -> Result<(), TooLate> {
+        let Some(next) = self.next.take() else { return Ok(()) };
+        if let Some(time) = self.filler(next.time()) {
+            self.next = Some(next);
+            self.last = Some(time);
+            return session.push_row(EpochSolution::lost(time, Reason::FewAntennas));
+        }
+        self.last = Some(next.time());
+        match (next, &mut self.kind) {
+            (Next::Row(row), _) => session.push_row(*row),
+            (Next::Epoch(_), Kind::Observed(chain)) => {
+                let row = session.solve(&chain.epoch, &mut chain.engine, sample);
+                chain.progress.epoch(row.status == Status::Fixed);
+                session.push_row(row)
+            }
+            (Next::Epoch(_), Kind::Solved(_)) => Ok(()),
+        }
+    }
+
+    /// Time of a row to put in before one at `next`.
+    fn filler(&self, next: GpsTime) -> Option<GpsTime> {
+        let (last, interval_s) = (self.last?, self.interval_s.filter(|s| *s > 0.0)?);
+        let pause_s = next - last;
+        let fill = pause_s > 1.5 * interval_s && pause_s <= LONGEST_FILLED_S;
+        fill.then(|| last + interval_s)
+    }
+
+    /// Names of the antennas whose epochs are solved here; none if their attitudes are given.
+    pub(super) fn antenna_names(&self) -> Vec<String> {
+        match &self.kind {
+            Kind::Solved(_) => Vec::new(),
+            Kind::Observed(observed) => solve::antenna_names(&observed.loaded),
+        }
+    }
+
+    /// The text that stands for the antennas in the hash of the configuration, and everything that was
+    /// damaged.
+    pub(super) fn finish(mut self) -> (String, Vec<Damage>) {
+        match self.kind {
+            Kind::Solved(_) => (String::new(), self.damage),
+            Kind::Observed(observed) => {
+                observed.progress.finish();
+                let of_files = observed.streams.damage().into_iter();
+                self.damage.extend(of_files.map(|d| Damage::new(d.file, &d.damage)));
+                (observed.loaded.text().to_owned(), self.damage)
+            }
+        }
+    }
+}
+
+impl Next {
+    const fn time(&self) -> GpsTime {
+        match self {
+            Self::Row(row) => row.time,
+            Self::Epoch(time) => *time,
+        }
+    }
+}
+
+impl Observed {
+    fn open(file: &Path, quiet: bool) -> anyhow::Result<(Self, Vec<Damage>)> {
+        let loaded = config::load(Some(file), &Overrides::default())?;
+        let settings = loaded.settings()?;
+        let Input { navigation, streams, phase_centers, damage } = Input::open(&loaded)?;
+        if streams.antennas_with_epochs() < 2 {
+            bail!("only one antenna has observations: {}", streams.spans());
+        }
+        if !quiet {
+            phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
+        }
+        let engine = solve::engine(&loaded, settings, navigation, phase_centers.mounts)
+            .with_context(|| file.display().to_string())?;
+        let progress = Progress::start(quiet);
+        Ok((Self { engine, streams, epoch: ArrayEpoch::default(), loaded, progress }, damage))
+    }
+}
+
+/// The median of the first spacings.
+fn usual_spacing(rows: &[EpochSolution]) -> Option<f64> {
+    let mut spacings: Vec<f64> =
+        rows.windows(2).take(SPACINGS).map(|pair| pair[1].time - pair[0].time).collect();
+    spacings.sort_by(f64::total_cmp);
+    spacings.get(spacings.len() / 2).copied()
+}
