@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use crate::baseline::Baselines;
+use crate::chi_square::chi_square_tail;
 use crate::difference::Link;
 use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
 use crate::solution::Reason;
@@ -23,8 +24,10 @@ const STRONG_MODEL: f64 = 0.999;
 /// Baselines that stay less certain than this, although the integers are known, have a geometry so
 /// poor that other integers fit as well, m.
 const MAX_FIXED_SD_M: f64 = 0.3;
-/// A fix whose phase residuals are this many times larger than their weights say is no fix.
-const MAX_UNIT_WEIGHT: f64 = 4.0;
+/// A fix whose phase residuals are this many times larger than the session's is no fix,
+const MAX_UNIT_WEIGHT: f64 = 2.0;
+/// and while nothing is known of the session, this many times larger than their weights say.
+const MAX_UNIT_WEIGHT_AT_FIRST: f64 = 4.0;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
 const LEAST_SUCCESS: f64 = 0.5;
 /// A length that is off by more than this many standard deviations breaks the known geometry.
@@ -82,6 +85,9 @@ pub(super) struct Outcome {
     pub(super) integers: Option<Vec<f64>>,
     /// The best integers of the search, and the probability of all others over theirs.
     pub(super) best: Option<(Vec<f64>, f64)>,
+    /// How the phases fit with them, and whether they stand clear of all others.
+    phase_fit: Fit,
+    is_clear: bool,
 }
 
 /// The searches, and the noise of the session.
@@ -139,13 +145,7 @@ impl Fixer {
         }
         let problem = self.problem(float, links, frame, settings, rate);
         match self.searches.find(&problem) {
-            Ok(found) => {
-                let fit = outcome.judge(&found, &problem);
-                // The residual test may refuse just because the level is not known yet.
-                if found.rivals <= rate || found.ratio >= CLEAR_RATIO {
-                    self.learn_phase_noise(fit, found.success_rate);
-                }
-            }
+            Ok(found) => outcome.judge(&found, &problem),
             Err(reason) => {
                 outcome.verdict = Verdict::Float(reason);
                 outcome.success_rate = self.searches.predicted_success(settings.constraint);
@@ -164,15 +164,22 @@ impl Fixer {
         rate: f64,
     ) -> Problem<'a> {
         let (noise, noise_freedom) = (self.noise(), self.code.freedom());
-        Problem { float, links, frame, settings, rate, noise, noise_freedom }
+        let at_first = self.phase.doubt() * (MAX_UNIT_WEIGHT_AT_FIRST - MAX_UNIT_WEIGHT);
+        let max_unit_weight = MAX_UNIT_WEIGHT + at_first;
+        Problem { float, links, frame, settings, rate, noise, noise_freedom, max_unit_weight }
     }
 
-    fn learn_phase_noise(&mut self, fit: Fit, success_rate: f64) {
+    /// The noise level of the phases learns from what became of the epoch. (The test of the residuals
+    /// may have refused it just because the level is not known yet.)
+    pub(super) fn learn_from(&mut self, outcome: &Outcome) {
+        if !outcome.is_clear {
+            return;
+        }
         let applied = self.phase.variance_factor();
-        if success_rate > STRONG_MODEL {
-            self.phase.learn(fit, applied, self.weight);
+        if outcome.success_rate.is_some_and(|rate| rate > STRONG_MODEL) {
+            self.phase.learn(outcome.phase_fit, applied, self.weight);
         } else {
-            self.phase.learn_from_chosen(fit, applied, self.weight);
+            self.phase.learn_from_chosen(outcome.phase_fit, applied, self.weight);
         }
     }
 }
@@ -194,34 +201,48 @@ impl Outcome {
             correction_m: float.correction_m.clone(),
             integers: None,
             best: None,
+            phase_fit: Fit::default(),
+            is_clear: false,
         }
     }
 
-    /// Accepts the integers if the others are improbable enough and all checks hold; returns how
-    /// well the phases fit.
-    pub(super) fn judge(&mut self, found: &Found, problem: &Problem) -> Fit {
+    /// Probability of phases that fit as badly as these or worse.
+    pub(super) fn plausibility(&self) -> f64 {
+        let Fit { sum, freedom } = self.phase_fit;
+        if freedom == 0 { 1.0 } else { chi_square_tail(sum, freedom) }
+    }
+
+    /// Probability of all other integers over that of the best.
+    pub(super) fn rivals(&self) -> f64 {
+        self.best.as_ref().map_or(f64::INFINITY, |(_, rivals)| *rivals)
+    }
+
+    /// Accepts the integers if the others are improbable enough and all checks hold.
+    pub(super) fn judge(&mut self, found: &Found, problem: &Problem) {
         let Problem { float, frame, settings, rate, .. } = *problem;
         self.success_rate = Some(found.success_rate);
         self.ratio = Some(found.ratio);
         self.best = Some((found.integers.clone(), found.rivals));
         let Some(conditional) = float.conditional(&found.integers) else {
             self.verdict = Verdict::Float(Reason::WeakModel);
-            return Fit::default();
+            return;
         };
         self.residual_rms_m = Some(conditional.residual_rms_m);
         if conditional.covariance_m2.diagonal().max().sqrt() > MAX_FIXED_SD_M {
             self.verdict = Verdict::Float(Reason::WeakModel);
-            return Fit::default();
+            return;
         }
+        self.phase_fit = conditional.phase_fit;
+        self.is_clear = found.rivals <= rate || found.ratio >= CLEAR_RATIO;
         if found.rivals > rate {
             let weak = found.success_rate < LEAST_SUCCESS;
             self.verdict = Verdict::Float(if weak { Reason::SuccessRate } else { Reason::Ratio });
-            return conditional.phase_fit;
+            return;
         }
         self.baselines.vectors_m = frame.approximate() + &conditional.correction_m;
         self.verdict = if !found.close {
             Verdict::Refused(Reason::Closure)
-        } else if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
+        } else if conditional.phase_fit.unit_weight() > problem.max_unit_weight {
             Verdict::Refused(Reason::Residuals)
         } else if self.breaks_length(&conditional, settings) {
             Verdict::Refused(Reason::Length)
@@ -231,7 +252,6 @@ impl Outcome {
         self.baselines.covariance_m2 = conditional.covariance_m2;
         self.correction_m = conditional.correction_m;
         self.integers = Some(found.integers.clone());
-        conditional.phase_fit
     }
 
     /// Whether a baseline does not have the length that the known array gives it.

@@ -211,10 +211,11 @@ impl Engine {
         if anew {
             outcome.verdict = outcome.verdict.after_many_slips();
         }
-        if let Some(part) = self.fix_without_a_suspect(outcome.verdict, &float, &frame) {
+        if let Some(part) = self.fix_without_a_suspect(&outcome, &float, &frame) {
             (self.links, groups) = (part.links, part.groups);
             (float, outcome) = (part.float, part.outcome);
         }
+        self.fixer.learn_from(&outcome);
         let predicted = self.predicted_baselines(&float, &frame);
         let decided = self.decide(predicted.as_ref(), outcome.verdict, &float, &frame);
         let is_decided = decided.is_some();
@@ -315,10 +316,10 @@ impl Engine {
         self.fixer.fix_with_prediction(predicted, float, &self.links, frame, &self.settings)
     }
 
-    /// Integers of the epoch without something that may spoil them, if they are not accepted.
+    /// Integers of the epoch without something that may spoil them, if they are not accepted or doubted.
     fn fix_without_a_suspect(
         &mut self,
-        verdict: Verdict,
+        whole: &Outcome,
         float: &FloatSolution,
         frame: &CommonFrame,
     ) -> Option<Part> {
@@ -329,7 +330,7 @@ impl Engine {
             let is_geostationary = link.satellite.is_beidou_geo();
             link.phase_m.is_some() && (is_geostationary || channel_biases.is_unknown(link))
         };
-        fixer.fix_without_a_suspect(verdict, float, links, is_unlike, frame, settings)
+        fixer.fix_without_a_suspect(whole, float, links, is_unlike, frame, settings)
     }
 
     /// GLONASS of unlike receivers, where each epoch stands alone: a bias that becomes known would be

@@ -19,6 +19,11 @@ use crate::signal::System;
 /// A trial without code takes long; after one that found nothing, the next seconds have none.
 const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
 
+/// A fix whose phases fit worse than this probability is doubted, if those of a part of the epoch fit
+/// better than this.
+const BAD_FIT: f64 = 1e-4;
+const GOOD_FIT: f64 = 1e-2;
+
 /// Part of an epoch whose integers are accepted.
 #[derive(Debug)]
 pub(super) struct Part {
@@ -26,7 +31,6 @@ pub(super) struct Part {
     pub(super) groups: Vec<Range<usize>>,
     pub(super) float: FloatSolution,
     pub(super) outcome: Outcome,
-    rivals: f64,
 }
 
 /// What may spoil an epoch.
@@ -41,18 +45,19 @@ pub(super) enum Suspect {
 }
 
 impl Fixer {
-    /// Integers of the epoch alone without one of the suspects, where those of the whole `float` have
-    /// another verdict than fixed; `is_unlike` names the links of [`Suspect::Unlike`].
+    /// Integers of the epoch alone without one of the suspects, where those of the `whole` epoch are
+    /// not accepted, or its phases fit so badly that a part which fits is to be believed rather.
+    /// `is_unlike` names the links of [`Suspect::Unlike`].
     pub(super) fn fix_without_a_suspect(
         &mut self,
-        verdict: Verdict,
+        whole: &Outcome,
         float: &FloatSolution,
         links: &[Link],
         is_unlike: impl Fn(&Link) -> bool,
         frame: &CommonFrame,
         settings: &Settings,
     ) -> Option<Part> {
-        let suspects = self.suspects(verdict, float, links, &is_unlike, settings);
+        let suspects = self.suspects(whole, float, links, &is_unlike, settings);
         let rate = settings.max_wrong_fix_rate / suspects.len() as f64;
         let rest = |suspect: Suspect| -> Vec<Link> {
             let without = |link: &Link| match suspect {
@@ -71,19 +76,23 @@ impl Fixer {
             }
             fixed.extend(part);
         }
-        fixed.into_iter().min_by(|a, b| a.rivals.total_cmp(&b.rivals))
+        if whole.verdict == Verdict::Fixed {
+            fixed.retain(|part| part.outcome.plausibility() >= GOOD_FIT);
+        }
+        fixed.into_iter().min_by(|a, b| a.outcome.rivals().total_cmp(&b.outcome.rivals()))
     }
 
     fn suspects(
         &self,
-        verdict: Verdict,
+        whole: &Outcome,
         float: &FloatSolution,
         links: &[Link],
         is_unlike: impl Fn(&Link) -> bool,
         settings: &Settings,
     ) -> Vec<Suspect> {
         let mut suspects = Vec::new();
-        if verdict == Verdict::Fixed {
+        let is_fixed = whole.verdict == Verdict::Fixed;
+        if is_fixed && whole.plausibility() >= BAD_FIT {
             return suspects;
         }
         let geometry_is_known = settings.constraint != Constraint::None;
@@ -96,7 +105,7 @@ impl Fixer {
         }
         let systems: BTreeSet<System> = links.iter().map(|l| l.satellite.system).collect();
         // What is left of one system alone is nothing.
-        if verdict.is_spoilt() && systems.len() > 1 {
+        if (is_fixed || whole.verdict.is_spoilt()) && systems.len() > 1 {
             suspects.extend(systems.into_iter().map(Suspect::System));
         }
         suspects
@@ -117,8 +126,7 @@ impl Fixer {
             FloatSolution::solve(&links, &groups, frame.reference, &rovers, |_| noise).ok()?;
         let float = if code_is_left_out { float.without_code() } else { float };
         let outcome = self.fix(&float, &links, frame, settings, rate);
-        let rivals = outcome.best.as_ref()?.1;
         let fixed = outcome.verdict == Verdict::Fixed;
-        fixed.then_some(Part { links, groups, float, outcome, rivals })
+        fixed.then_some(Part { links, groups, float, outcome })
     }
 }
