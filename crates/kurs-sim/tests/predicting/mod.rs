@@ -76,8 +76,8 @@ impl Case {
             Self::Urban => {}
             Self::Outage => {
                 scenario.body[0].antenna.truncate(3);
-                let gone = (1..=36).map(|n| format!("E{n:02}"));
-                let a_third = (1..=32).step_by(3).map(|n| format!("G{n:02}"));
+                let gone = (1..=24).map(|n| format!("E{n:02}"));
+                let a_third = (1..=24).step_by(3).map(|n| format!("G{n:02}"));
                 scenario.outage = vec![
                     outage(OUTAGE_ENDS_S - 10.0, OUTAGE_ENDS_S, Vec::new()),
                     outage(OUTAGE_ENDS_S, OUTAGE_ENDS_S + 20.0, gone.chain(a_third).collect()),
