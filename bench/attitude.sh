@@ -55,7 +55,7 @@ quietly cargo bench -p kurs --bench attitude | awk '
     END {
         row("reduction", "≤ 1", "reduction")
         row("Newton from a known start", "≤ 2", "newton_from_wahba")
-        row("Wahba by SVD, Newton", "≤ 4", "wahba_and_newton")
+        row("Wahba's start, Newton", "≤ 4", "wahba_and_newton")
         row("the same with the wanted margin proven", "", "with_certificate")
         row("search all around", "", "search_for_a_second_minimum")
         row("baselines with their full covariance (9×9)", "", "joint_form")

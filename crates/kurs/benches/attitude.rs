@@ -53,7 +53,7 @@ fn reduction(bencher: Bencher) {
 }
 
 #[divan::bench]
-fn wahba_svd(bencher: Bencher) {
+fn wahba_start(bencher: Bencher) {
     each(bencher, &problems(), AttitudeProblem::wahba_start);
 }
 

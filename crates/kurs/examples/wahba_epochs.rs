@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let started = Instant::now();
     let rotations = epochs
         .iter()
-        .map(|epoch| Ok(wahba::solve(&epoch[..3], &epoch[3..], &[1.0; 3])?.rotation))
+        .map(|epoch| wahba::solve(&epoch[..3], &epoch[3..], &[1.0; 3]))
         .collect::<Result<Vec<_>, kurs::attitude::AttitudeError>>()?;
     let elapsed_ns = started.elapsed().as_secs_f64() * 1e9;
 

@@ -24,7 +24,7 @@ const METHODS: [Method; 7] = [
     ("least squares + SVD", |scene| {
         let reduced = scene.single_differences().reduce()?;
         let baselines_m = reduced.baselines_m().ok_or(AttitudeError::Unobservable)?;
-        Ok(wahba::solve(&scene.body, &baselines_m, &[1.0; 3])?.rotation)
+        wahba::solve(&scene.body, &baselines_m, &[1.0; 3])
     }),
     ("+ 2 steps of continuation", |scene| continuation(scene, 2)),
     ("+ 4 steps of continuation", |scene| continuation(scene, 4)),

@@ -141,7 +141,7 @@ fn least_squares_and_svd(
     differences: &SingleDifferences<'_>,
 ) -> Result<Matrix3<f64>, AttitudeError> {
     let baselines_m = differences.reduce()?.baselines_m().ok_or(AttitudeError::Unobservable)?;
-    Ok(wahba::solve(&scene.body, &baselines_m, &[1.0; ROOF_M.len()])?.rotation)
+    wahba::solve(&scene.body, &baselines_m, &[1.0; ROOF_M.len()])
 }
 
 fn newton(scene: &Scene, weight: BaselineWeight) -> Result<Matrix3<f64>, AttitudeError> {

@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 
 use super::AttitudeError;
 use super::small::{Factored, product, transposed_product};
-use super::wahba::nearest_rotation;
+use super::wahba::any_nearest_rotation;
 use super::weighted::{AttitudeProblem, exponential, mix, vex_of_difference};
 use crate::frames::skew;
 
@@ -70,7 +70,7 @@ impl AttitudeProblem {
         let m = normal / kappa - Matrix3::identity();
         let m_b_transposed = cross / kappa - b_transposed;
 
-        let mut rotation = nearest_rotation(&b_transposed)?.rotation;
+        let mut rotation = any_nearest_rotation(&b_transposed)?;
         // μ(0) = ½ P diag(1, 1, d) Σ Pᵀ = ½ QᵀBᵀ
         let start = transposed_product(&rotation, &b_transposed);
         let mut mu = 0.25 * (start + start.transpose());
@@ -89,7 +89,7 @@ impl AttitudeProblem {
             rotation = match step {
                 Step::Euler => euler,
                 Step::Exponential => product(&rotation, &exponential(&(delta * s))),
-                Step::Polar => nearest_rotation(&euler)?.rotation,
+                Step::Polar => any_nearest_rotation(&euler)?,
             };
         }
         Ok(rotation)

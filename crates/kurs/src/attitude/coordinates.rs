@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::AttitudeError;
 use super::small::outer;
-use super::wahba::{attitude_profile, nearest_rotation};
+use super::wahba;
 use super::weighted::{AttitudeProblem, Matrix9, Minimum, matrix_of, tangent_of, vec_of};
 use crate::frames::skew;
 
@@ -48,11 +48,7 @@ pub fn fit(
     let (body_centre, measured_centre) = (centroid(body_m), centroid(measured_m));
     let body: Vec<_> = body_m.iter().map(|p| p - body_centre).collect();
     let measured: Vec<_> = measured_m.iter().map(|y| y - measured_centre).collect();
-    let nearest = nearest_rotation(&attitude_profile(&body, &measured, weights)?)?;
-    if !nearest.is_unique() {
-        return Err(AttitudeError::Unobservable);
-    }
-    let rotation = nearest.rotation;
+    let rotation = wahba::solve(&body, &measured, weights)?;
     let squares: f64 = body
         .iter()
         .zip(&measured)

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::AttitudeError;
 use super::small::{Factored, outer, product, transposed_product};
-use super::wahba::nearest_rotation;
+use super::wahba::any_nearest_rotation;
 use crate::frames::skew;
 
 /// `G` of the general form.
@@ -220,7 +220,7 @@ impl AttitudeProblem {
                 solve_on_range9(information, linear) * self.spread()
             }
         };
-        Ok(nearest_rotation(&target)?.rotation)
+        any_nearest_rotation(&target)
     }
 
     /// The minimum that Newton's method reaches from Wahba's solution: nearly always the global one;
