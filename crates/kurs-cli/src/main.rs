@@ -55,6 +55,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // A reader that has seen enough, as in `kurs … | head`, ends the program like any other.
+    sigpipe::reset();
     let cli = Cli::parse();
     let result: anyhow::Result<ExitCode> = match cli.command {
         Command::Solve(args) => solve::run(&args),

@@ -250,3 +250,21 @@ fn a_cut_file_keeps_what_came_before() {
         "{damage:?}"
     );
 }
+
+/// `kurs … | head`: a reader that goes away is no fault and no panic.
+#[test]
+fn a_closed_pipe_ends_the_program_quietly() {
+    let out = TempDir::new().unwrap();
+    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("kurs"))
+        .args(["demo", "--out"])
+        .arg(out.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    assert_eq!(output.status.code(), None, "ended by the signal: {stderr}");
+}
