@@ -24,10 +24,8 @@ const STRONG_MODEL: f64 = 0.999;
 /// Baselines that stay less certain than this, although the integers are known, have a geometry so
 /// poor that other integers fit as well, m.
 const MAX_FIXED_SD_M: f64 = 0.3;
-/// A fix whose phase residuals are this many times larger than the session's is no fix,
-const MAX_UNIT_WEIGHT: f64 = 2.0;
-/// and while nothing is known of the session, this many times larger than their weights say.
-const MAX_UNIT_WEIGHT_AT_FIRST: f64 = 4.0;
+/// A fix whose phase residuals are this many times larger than their weights say is no fix.
+const MAX_UNIT_WEIGHT: f64 = 4.0;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
 const LEAST_SUCCESS: f64 = 0.5;
 /// A length that is off by more than this many standard deviations breaks the known geometry.
@@ -164,9 +162,7 @@ impl Fixer {
         rate: f64,
     ) -> Problem<'a> {
         let (noise, noise_freedom) = (self.noise(), self.code.freedom());
-        let at_first = self.phase.doubt() * (MAX_UNIT_WEIGHT_AT_FIRST - MAX_UNIT_WEIGHT);
-        let max_unit_weight = MAX_UNIT_WEIGHT + at_first;
-        Problem { float, links, frame, settings, rate, noise, noise_freedom, max_unit_weight }
+        Problem { float, links, frame, settings, rate, noise, noise_freedom }
     }
 
     /// The noise level of the phases learns from what became of the epoch. (The test of the residuals
@@ -242,7 +238,7 @@ impl Outcome {
         self.baselines.vectors_m = frame.approximate() + &conditional.correction_m;
         self.verdict = if !found.close {
             Verdict::Refused(Reason::Closure)
-        } else if conditional.phase_fit.unit_weight() > problem.max_unit_weight {
+        } else if conditional.phase_fit.unit_weight() > MAX_UNIT_WEIGHT {
             Verdict::Refused(Reason::Residuals)
         } else if self.breaks_length(&conditional, settings) {
             Verdict::Refused(Reason::Length)

@@ -47,11 +47,6 @@ impl NoiseScale {
         self.freedom
     }
 
-    /// How little the factor is known: 1 at the start of the session, then falling to nothing.
-    pub(super) fn doubt(&self) -> f64 {
-        PRIOR_FREEDOM / self.freedom.max(PRIOR_FREEDOM)
-    }
-
     /// Learns from the residuals of one epoch that were weighted with `applied` times the a-priori
     /// variances and count as `weight` of an independent epoch.
     pub(super) fn learn(&mut self, fit: Fit, applied: f64, weight: f64) {

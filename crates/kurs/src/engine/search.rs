@@ -44,8 +44,6 @@ pub(super) struct Problem<'a> {
     /// The session's noise level, and the degrees of freedom that of the code is known with.
     pub(super) noise: VarianceFactors,
     pub(super) noise_freedom: f64,
-    /// Phase residuals of a fix are no larger than this many times the noise level.
-    pub(super) max_unit_weight: f64,
 }
 
 /// The best integers and how they stand against the others.
