@@ -5,7 +5,6 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use crate::baseline::Baselines;
-use crate::chi_square::chi_square_tail;
 use crate::difference::Link;
 use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
 use crate::solution::Reason;
@@ -84,7 +83,7 @@ pub(super) struct Outcome {
     /// The best integers of the search, and the probability of all others over theirs.
     pub(super) best: Option<(Vec<f64>, f64)>,
     /// How the phases fit with them, and whether they stand clear of all others.
-    phase_fit: Fit,
+    pub(super) phase_fit: Fit,
     is_clear: bool,
 }
 
@@ -200,12 +199,6 @@ impl Outcome {
             phase_fit: Fit::default(),
             is_clear: false,
         }
-    }
-
-    /// Probability of phases that fit as badly as these or worse.
-    pub(super) fn plausibility(&self) -> f64 {
-        let Fit { sum, freedom } = self.phase_fit;
-        if freedom == 0 { 1.0 } else { chi_square_tail(sum, freedom) }
     }
 
     /// Probability of all other integers over that of the best.

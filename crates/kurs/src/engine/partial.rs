@@ -12,16 +12,17 @@ use super::code_free;
 use super::fix::{Fixer, Outcome, Verdict};
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
+use crate::chi_square::chi_square_tail;
 use crate::difference::{self, Link};
-use crate::float_solution::FloatSolution;
+use crate::float_solution::{Fit, FloatSolution};
 use crate::signal::System;
 
 /// A trial without code takes long; after one that found nothing, the next seconds have none.
 const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
 
-/// A fix whose phases fit worse than this probability is doubted, if those of a part of the epoch fit
-/// better than this.
+/// A fix whose phases fit worse than this probability is doubted,
 const BAD_FIT: f64 = 1e-4;
+/// if those of a part of the epoch fit better than this.
 const GOOD_FIT: f64 = 1e-2;
 
 /// Part of an epoch whose integers are accepted.
@@ -42,6 +43,18 @@ pub(super) enum Suspect {
     System(System),
     /// All code.
     Code,
+}
+
+/// Whether the phases of a part fit well, and those of the whole badly even if the noise is what the
+/// part says: a level that is not known yet makes both look bad.
+fn fits_better(part: &Fit, whole: &Fit) -> bool {
+    let level = part.unit_weight().powi(2).max(1.0);
+    plausibility(part, 1.0) >= GOOD_FIT && plausibility(whole, level) < BAD_FIT
+}
+
+/// Probability of phases that fit as badly as these or worse, with noise of so many times the variance.
+fn plausibility(fit: &Fit, level: f64) -> f64 {
+    if fit.freedom == 0 { 1.0 } else { chi_square_tail(fit.sum / level, fit.freedom) }
 }
 
 impl Fixer {
@@ -77,7 +90,7 @@ impl Fixer {
             fixed.extend(part);
         }
         if whole.verdict == Verdict::Fixed {
-            fixed.retain(|part| part.outcome.plausibility() >= GOOD_FIT);
+            fixed.retain(|part| fits_better(&part.outcome.phase_fit, &whole.phase_fit));
         }
         fixed.into_iter().min_by(|a, b| a.outcome.rivals().total_cmp(&b.outcome.rivals()))
     }
@@ -92,7 +105,7 @@ impl Fixer {
     ) -> Vec<Suspect> {
         let mut suspects = Vec::new();
         let is_fixed = whole.verdict == Verdict::Fixed;
-        if is_fixed && whole.plausibility() >= BAD_FIT {
+        if is_fixed && plausibility(&whole.phase_fit, 1.0) >= BAD_FIT {
             return suspects;
         }
         let geometry_is_known = settings.constraint != Constraint::None;
