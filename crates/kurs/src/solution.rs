@@ -5,7 +5,7 @@ use core::fmt;
 use nalgebra::Matrix3;
 
 use crate::frames::{Body, Ecef, Enu, Geodetic, Ned, Rotation, Vector};
-use crate::signal::{Satellite, Signal};
+use crate::signal::{Satellite, Signal, System};
 use crate::time::{Calendar, GpsTime};
 
 /// How far an epoch got; the words of the output column `status`.
@@ -106,6 +106,20 @@ pub struct EpochSolution {
     pub rivals: Option<f64>,
     /// What a predicted attitude had to say; `None` without one, or where it said nothing.
     pub prediction: Option<PredictionRole>,
+    /// What the integers of this row do without; `None` if they are those of all observations.
+    pub left_out: Option<LeftOut>,
+}
+
+/// What was left out of an epoch, because with it the integers of the others did not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeftOut {
+    /// Phases that unlike receivers may have an unknown bias for: GLONASS channels that are not known
+    /// yet, geostationary satellites of BeiDou. Their code is good.
+    UnlikePhases,
+    /// All of a system.
+    System(System),
+    /// All code.
+    Code,
 }
 
 /// What a predicted attitude did for an epoch.
@@ -242,6 +256,7 @@ impl EpochSolution {
             integers: Vec::new(),
             rivals: None,
             prediction: None,
+            left_out: None,
         }
     }
 }

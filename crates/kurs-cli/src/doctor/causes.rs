@@ -8,7 +8,7 @@ use kurs::engine::{Constraint, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::signal::{Band, System};
-use kurs::solution::{SignalResidual, Status};
+use kurs::solution::{LeftOut, SignalResidual, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
@@ -226,8 +226,20 @@ impl Patient<'_> {
         })
     }
 
-    /// A constellation that spoils the others.
+    /// A constellation that spoils the others: left out by the engine already, or better left out.
     fn system(&self, trials: &Trials) -> Option<Finding> {
+        let left_out = |system: System| {
+            let rows = trials.configured.rows.iter();
+            let without = rows.filter(|row| row.left_out == Some(LeftOut::System(system)));
+            without.count() as f64 / trials.configured.rows.len().max(1) as f64
+        };
+        let systems = trials.without_system.iter().map(|(system, _)| (*system, left_out(*system)));
+        let most = systems.max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((system, share)) = most.filter(|(_, share)| *share > MENDED) {
+            let evidence =
+                format!("{:.1} % of the epochs are fixed without it only", 100.0 * share);
+            return Some(Self::bad_system(system, evidence));
+        }
         let before = trials.configured.share(Status::Fixed);
         let (system, share, residual_m) = trials
             .without_system
@@ -237,19 +249,24 @@ impl Patient<'_> {
         // Where the geometry is wrong, fewer satellites are fixed wrongly more easily: then the phases
         // fit no better than all of them do without geometry.
         let fits = residual_m < BETTER_FIT * trials.free.residual_m();
-        (share - before > MENDED && fits).then(|| Finding {
+        let evidence = format!(
+            "with it {:.1} % of the epochs are fixed, without it {:.1} %",
+            100.0 * before,
+            100.0 * share
+        );
+        (share - before > MENDED && fits).then(|| Self::bad_system(system, evidence))
+    }
+
+    fn bad_system(system: System, evidence: String) -> Finding {
+        Finding {
             code: "bad_system",
             cause: format!("the phases of {} do not fit the others", words(system)),
-            evidence: format!(
-                "with it {:.1} % of the epochs are fixed, without it {:.1} %",
-                100.0 * before,
-                100.0 * share
-            ),
+            evidence,
             advice: format!(
                 "leave its bands out of `bands`; unlike receivers may have biases for {}",
                 words(system)
             ),
-        })
+        }
     }
 
     /// An antenna that spoils the others.

@@ -8,12 +8,9 @@
 use kurs::frames::{Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
-use super::PositionFix;
+use super::{PositionFix, checked_place};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
-
-/// Receivers do not stand further from the Earth's centre than this, nor nearer than a tenth of it.
-const FARTHEST_M: f64 = 5e7;
 
 /// Where the columns of a table are.
 struct Columns {
@@ -163,9 +160,7 @@ impl Columns {
                 Geodetic::from_degrees(latitude, longitude, height).to_ecef()
             }
         };
-        if !(0.1 * FARTHEST_M..FARTHEST_M).contains(&position_m.norm()) {
-            return Err(format!("{:.0} m from the Earth's centre", position_m.norm()));
-        }
+        let position_m = checked_place(position_m)?;
         let sd_ned_m = match &self.sd {
             Some(columns) if columns.iter().all(|column| !fields[*column].is_empty()) => {
                 let sd = numbers(columns)?;

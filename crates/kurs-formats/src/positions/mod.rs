@@ -6,6 +6,9 @@ pub mod nmea;
 use kurs::frames::{Ecef, Vector};
 use kurs::time::GpsTime;
 
+/// Receivers do not stand further from the Earth's centre than this, nor nearer than a tenth of it.
+const FARTHEST_M: f64 = 5e7;
+
 /// Where one antenna was at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionFix {
@@ -20,4 +23,14 @@ pub struct PositionFix {
     /// How many times less certain than the best kind of solution, by the receiver's word for its
     /// kind: 1 where it has none.
     pub sd_factor: f64,
+}
+
+/// The place, if a receiver can be there.
+fn checked_place(position_m: Vector<Ecef>) -> Result<Vector<Ecef>, String> {
+    let distance_m = position_m.norm();
+    if (0.1 * FARTHEST_M..FARTHEST_M).contains(&distance_m) {
+        Ok(position_m)
+    } else {
+        Err(format!("{distance_m:.0} m from the Earth's centre"))
+    }
 }

@@ -10,7 +10,7 @@
 use kurs::frames::{Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
-use super::PositionFix;
+use super::{PositionFix, checked_place};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
 
@@ -222,7 +222,8 @@ fn gga(fields: &[&str]) -> Result<Option<Pending>, String> {
         word => number(word)?,
     };
     let height = number(field(fields, 9))? + separation;
-    let position_m = Geodetic::from_degrees(latitude, longitude, height).to_ecef();
+    let place = Geodetic::from_degrees(latitude, longitude, height);
+    let position_m = checked_place(place.to_ecef())?;
     Ok(Some(Pending { day_s, position_m, sd_ned_m: None, sd_factor }))
 }
 

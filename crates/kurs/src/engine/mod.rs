@@ -212,6 +212,7 @@ impl Engine {
             outcome.verdict = outcome.verdict.after_many_slips();
         }
         if let Some(part) = self.fix_without_a_suspect(&outcome, &float, &frame) {
+            row.left_out = Some(part.left_out);
             (self.links, groups) = (part.links, part.groups);
             (float, outcome) = (part.float, part.outcome);
         }

@@ -16,6 +16,7 @@ use crate::chi_square::chi_square_tail;
 use crate::difference::{self, Link};
 use crate::float_solution::{Fit, FloatSolution};
 use crate::signal::System;
+use crate::solution::LeftOut;
 
 /// A trial without code takes long; after one that found nothing, the next seconds have none.
 const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
@@ -28,21 +29,11 @@ const GOOD_FIT: f64 = 1e-2;
 /// Part of an epoch whose integers are accepted.
 #[derive(Debug)]
 pub(super) struct Part {
+    pub(super) left_out: LeftOut,
     pub(super) links: Vec<Link>,
     pub(super) groups: Vec<Range<usize>>,
     pub(super) float: FloatSolution,
     pub(super) outcome: Outcome,
-}
-
-/// What may spoil an epoch.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Suspect {
-    /// Phases that unlike receivers may have an unknown bias for; their code is good.
-    Unlike,
-    /// All of a system.
-    System(System),
-    /// All code.
-    Code,
 }
 
 /// Whether the phases of a part fit well, and those of the whole badly even if the noise is what the
@@ -60,7 +51,7 @@ fn plausibility(fit: &Fit, level: f64) -> f64 {
 impl Fixer {
     /// Integers of the epoch alone without one of the suspects, where those of the `whole` epoch are
     /// not accepted, or its phases fit so badly that a part which fits is to be believed rather.
-    /// `is_unlike` names the links of [`Suspect::Unlike`].
+    /// `is_unlike` names the links of [`LeftOut::UnlikePhases`].
     pub(super) fn fix_without_a_suspect(
         &mut self,
         whole: &Outcome,
@@ -72,19 +63,18 @@ impl Fixer {
     ) -> Option<Part> {
         let suspects = self.suspects(whole, float, links, &is_unlike, settings);
         let rate = settings.max_wrong_fix_rate / suspects.len() as f64;
-        let rest = |suspect: Suspect| -> Vec<Link> {
+        let rest = |suspect: LeftOut| -> Vec<Link> {
             let without = |link: &Link| match suspect {
-                Suspect::Unlike if is_unlike(link) => Some(Link { phase_m: None, ..*link }),
-                Suspect::System(spoilt) if link.satellite.system == spoilt => None,
+                LeftOut::UnlikePhases if is_unlike(link) => Some(Link { phase_m: None, ..*link }),
+                LeftOut::System(spoilt) if link.satellite.system == spoilt => None,
                 _ => Some(*link),
             };
             links.iter().filter_map(without).collect()
         };
         let mut fixed: Vec<Part> = Vec::new();
         for suspect in suspects {
-            let part =
-                self.fix_part(rest(suspect), suspect == Suspect::Code, frame, settings, rate);
-            if suspect == Suspect::Code && part.is_none() {
+            let part = self.fix_part(rest(suspect), suspect, frame, settings, rate);
+            if suspect == LeftOut::Code && part.is_none() {
                 self.no_trial_without_code_until = self.time + PAUSE_AFTER_FAILURE_S;
             }
             fixed.extend(part);
@@ -102,7 +92,7 @@ impl Fixer {
         links: &[Link],
         is_unlike: impl Fn(&Link) -> bool,
         settings: &Settings,
-    ) -> Vec<Suspect> {
+    ) -> Vec<LeftOut> {
         let mut suspects = Vec::new();
         let is_fixed = whole.verdict == Verdict::Fixed;
         if is_fixed && plausibility(&whole.phase_fit, 1.0) >= BAD_FIT {
@@ -111,15 +101,15 @@ impl Fixer {
         let geometry_is_known = settings.constraint != Constraint::None;
         let may_try = self.time >= self.no_trial_without_code_until;
         if geometry_is_known && may_try && code_free::code_is_useless(float) {
-            suspects.push(Suspect::Code);
+            suspects.push(LeftOut::Code);
         }
         if links.iter().any(is_unlike) {
-            suspects.push(Suspect::Unlike);
+            suspects.push(LeftOut::UnlikePhases);
         }
         let systems: BTreeSet<System> = links.iter().map(|l| l.satellite.system).collect();
         // What is left of one system alone is nothing.
         if (is_fixed || whole.verdict.is_spoilt()) && systems.len() > 1 {
-            suspects.extend(systems.into_iter().map(Suspect::System));
+            suspects.extend(systems.into_iter().map(LeftOut::System));
         }
         suspects
     }
@@ -127,7 +117,7 @@ impl Fixer {
     fn fix_part(
         &mut self,
         mut links: Vec<Link>,
-        code_is_left_out: bool,
+        left_out: LeftOut,
         frame: &CommonFrame,
         settings: &Settings,
         rate: f64,
@@ -137,9 +127,9 @@ impl Fixer {
         let noise = self.noise();
         let float =
             FloatSolution::solve(&links, &groups, frame.reference, &rovers, |_| noise).ok()?;
-        let float = if code_is_left_out { float.without_code() } else { float };
+        let float = if left_out == LeftOut::Code { float.without_code() } else { float };
         let outcome = self.fix(&float, &links, frame, settings, rate);
         let fixed = outcome.verdict == Verdict::Fixed;
-        fixed.then_some(Part { links, groups, float, outcome })
+        fixed.then_some(Part { left_out, links, groups, float, outcome })
     }
 }
