@@ -2,8 +2,10 @@
 //! with the body: through the whole of `kurs solve`, on a recording.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+mod matrtklib;
+
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use assert_cmd::Command;
 
@@ -29,17 +31,6 @@ fn antex(antennas: &[(&str, [f64; 3])]) -> String {
         line("", "END OF ANTENNA");
     }
     text
-}
-
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("KURS_DATA")
-        .map_or(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("matrtklib_static");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no recordings in {}", data.display());
-    None
 }
 
 /// Solves with these further keys of the two antennas: exit status, what was said.
@@ -79,7 +70,7 @@ fn means<const N: usize>(out: &Path, table: &str, columns: [&str; N]) -> [f64; N
 
 #[test]
 fn a_baseline_between_unlike_antennas_moves_by_the_tabulated_offsets() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = matrtklib::folder() else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     let types =
@@ -117,7 +108,7 @@ fn a_baseline_between_unlike_antennas_moves_by_the_tabulated_offsets() {
 /// Which calibration serves (here that without the radome), and for which bands.
 #[test]
 fn what_serves_is_told() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = matrtklib::folder() else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     fs::write(out.join("a.atx"), antex(&[("CHOKE           NONE", [0.0; 3])])).unwrap();
@@ -136,7 +127,7 @@ fn what_serves_is_told() {
 
 #[test]
 fn wrong_keys_are_named() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = matrtklib::folder() else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     // A number that is too wide for its columns makes a band unusable.

@@ -2,10 +2,12 @@
 //! give the same baselines as the broadcast file itself.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+mod matrtklib;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use assert_cmd::Command;
 use kurs::ephemeris::{Ephemeris, NavigationData};
@@ -13,17 +15,6 @@ use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite};
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::navigation;
 use kurs_formats::source::Source;
-
-fn data() -> Option<PathBuf> {
-    let data = std::env::var_os("KURS_DATA")
-        .map_or(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("matrtklib_static");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no recordings in {}", data.display());
-    None
-}
 
 /// Nodes every five minutes, half an hour to both sides of the recording (08:20 to 08:25), of the
 /// record of each satellite that is nearest to it.
@@ -83,7 +74,7 @@ fn solve(folder: &Path, navigation: &Path, out: &Path) -> (usize, [f64; 3]) {
 
 #[test]
 fn precise_orbits_alone_give_the_same_baselines() {
-    let Some(folder) = data() else { return };
+    let Some(folder) = matrtklib::folder() else { return };
     let mut navigation = NavigationData::default();
     let broadcast = folder.join("base.nav");
     navigation::read(&mut Source::open(&broadcast).unwrap(), &mut navigation).unwrap();

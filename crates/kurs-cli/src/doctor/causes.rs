@@ -8,7 +8,7 @@ use kurs::engine::{Constraint, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::signal::{Band, System};
-use kurs::solution::{LeftOut, SignalResidual, Status};
+use kurs::solution::{SignalResidual, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
@@ -228,13 +228,10 @@ impl Patient<'_> {
 
     /// A constellation that spoils the others: left out by the engine already, or better left out.
     fn system(&self, trials: &Trials) -> Option<Finding> {
-        let left_out = |system: System| {
-            let rows = trials.configured.rows.iter();
-            let without = rows.filter(|row| row.left_out == Some(LeftOut::System(system)));
-            without.count() as f64 / trials.configured.rows.len().max(1) as f64
-        };
-        let systems = trials.without_system.iter().map(|(system, _)| (*system, left_out(*system)));
-        let most = systems.max_by(|a, b| a.1.total_cmp(&b.1));
+        let systems = trials.without_system.iter().map(|(system, _)| *system);
+        let most = systems
+            .map(|system| (system, trials.configured.share_without(system)))
+            .max_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((system, share)) = most.filter(|(_, share)| *share > MENDED) {
             let evidence =
                 format!("{:.1} % of the epochs are fixed without it only", 100.0 * share);

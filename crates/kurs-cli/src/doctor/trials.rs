@@ -7,7 +7,7 @@ use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::{Band, System};
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::{EpochSolution, LeftOut, Status};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -140,6 +140,13 @@ impl Trial {
             *reasons.entry(reason.word()).or_default() += 1;
         }
         reasons
+    }
+
+    /// Share of the epochs whose integers do without a system.
+    pub(super) fn share_without(&self, system: System) -> f64 {
+        let left_out = Some(LeftOut::System(system));
+        let rows = self.rows.iter().filter(|row| row.left_out == left_out);
+        rows.count() as f64 / self.rows.len().max(1) as f64
     }
 
     /// Share of the epochs that have this reason.

@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(&loaded)?;
     if !args.quiet {
-        phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
+        phase_centers.tell();
     }
     let mut review = Review::new(args, &loaded, &navigation)?;
     let mut engine = engine(&loaded, settings, navigation, phase_centers.mounts)?;

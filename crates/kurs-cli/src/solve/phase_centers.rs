@@ -14,7 +14,14 @@ pub(crate) struct PhaseCenters {
     /// One entry an antenna, in the order of the configuration.
     pub(crate) mounts: Vec<Option<MountedAntenna>>,
     /// Which calibration and bands serve, in words.
-    pub(crate) notes: Vec<String>,
+    notes: Vec<String>,
+}
+
+impl PhaseCenters {
+    /// Tells on the terminal which calibrations serve.
+    pub(crate) fn tell(&self) {
+        self.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
 }
 
 /// Finds the calibrations; what was damaged in the ANTEX files is added to `damage`.

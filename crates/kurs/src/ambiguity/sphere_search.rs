@@ -282,7 +282,7 @@ impl<'a> Tree<'a> {
         let n = self.limits.len();
         let from_prior = point - self.model.prior_m;
         let prior_misfit = from_prior.dot(&(self.model.prior_information * from_prior));
-        if prior_misfit > self.prior_limit {
+        if prior_misfit > self.prior_limit || branch.nodes_left == 0 {
             return;
         }
         branch.integers.resize(n, 0);

@@ -58,8 +58,6 @@ pub struct Engine {
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
     ned_from_body: Option<Rotation<Ned, Body>>,
-    /// For the epoch in hand.
-    predicted: Option<PredictedAttitude>,
     station: Option<Box<Station>>,
 }
 
@@ -88,7 +86,6 @@ impl Engine {
             mean_misfit: MeanMisfit::default(),
             mounts: Vec::new(),
             ned_from_body: None,
-            predicted: None,
             station: None,
         })
     }
@@ -129,7 +126,6 @@ impl Engine {
         epoch: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
-        self.predicted = predicted.copied();
         self.follow_phases(epoch);
         locate(epoch, &self.navigation, &self.settings, &mut self.located);
         let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
@@ -139,7 +135,7 @@ impl Engine {
         if let (Some(station), Some(observed)) = (&mut self.station, &epoch.station) {
             station.improve(epoch, observed, &mut row);
         }
-        if let Err(reason) = self.relative(epoch, &mut row) {
+        if let Err(reason) = self.relative(epoch, predicted, &mut row) {
             row.reason = Some(reason);
         }
         row
@@ -201,7 +197,12 @@ impl Engine {
     }
 
     /// Differences, float solution, integers, baselines, attitude.
-    fn relative(&mut self, epoch: &ArrayEpoch, row: &mut EpochSolution) -> Result<(), Reason> {
+    fn relative(
+        &mut self,
+        epoch: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+        row: &mut EpochSolution,
+    ) -> Result<(), Reason> {
         self.fixer.begin(epoch.time);
         let (frame, mut groups, float) = self.float(epoch, row)?;
         let (mut float, anew) = self.carry(float, &frame, epoch.time);
@@ -217,7 +218,7 @@ impl Engine {
             (float, outcome) = (part.float, part.outcome);
         }
         self.fixer.learn_from(&outcome);
-        let predicted = self.predicted_baselines(&float, &frame);
+        let predicted = predicted.and_then(|p| p.baselines(&float, &frame.horizon, &self.settings));
         let decided = self.decide(predicted.as_ref(), outcome.verdict, &float, &frame);
         let is_decided = decided.is_some();
         outcome = decided.unwrap_or(outcome);
@@ -292,15 +293,6 @@ impl Engine {
                 }
             }
         }
-    }
-
-    /// What the predicted attitude says of the baselines.
-    fn predicted_baselines(
-        &self,
-        float: &FloatSolution,
-        frame: &CommonFrame,
-    ) -> Option<PredictedBaselines> {
-        self.predicted.as_ref()?.baselines(float, &frame.horizon, &self.settings)
     }
 
     /// Integers that the prediction makes sure, if the epoch is not sure of them.

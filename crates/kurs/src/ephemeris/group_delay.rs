@@ -6,6 +6,9 @@ use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Signal, System};
 /// Bits of the health of QZSS.
 const QZSS_L1: u16 = 32;
 const QZSS_L1_CA: u16 = 16;
+const QZSS_L2C: u16 = 8;
+const QZSS_L5: u16 = 4;
+const QZSS_L1C: u16 = 2;
 const QZSS_L1_CB: u16 = 1;
 
 impl KeplerElements {
@@ -54,9 +57,9 @@ impl KeplerElements {
             let own = match (signal.band.digit, signal.attribute) {
                 (1, b'C') => QZSS_L1_CA,
                 (1, b'E') => QZSS_L1_CB,
-                (1, _) => 0b10,
-                (2, _) => 0b1000,
-                (5, _) => 0b100,
+                (1, _) => QZSS_L1C,
+                (2, _) => QZSS_L2C,
+                (5, _) => QZSS_L5,
                 _ => 0,
             };
             return self.is_usable() && self.health & own == 0;

@@ -174,7 +174,7 @@ impl Observed {
             bail!("only one antenna has observations: {}", streams.spans());
         }
         if !quiet {
-            phase_centers.notes.iter().for_each(|note| eprintln!("note: {note}"));
+            phase_centers.tell();
         }
         let engine = solve::engine(&loaded, settings, navigation, phase_centers.mounts)
             .with_context(|| file.display().to_string())?;
