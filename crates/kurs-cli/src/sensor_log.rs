@@ -19,7 +19,7 @@ const ACCELERATION_UNITS: [(&str, f64); 3] =
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
 /// Beyond this, in any unit, a reading is none.
-const LARGEST_READING: f64 = 1e9;
+const MAX_READING: f64 = 1e9;
 
 /// Samples of one file in SI units; rows that cannot be used are left out and noted.
 #[derive(Debug, Default)]
@@ -227,7 +227,7 @@ impl Triple {
     fn read(&self, record: &csv::StringRecord) -> Result<Vector3<f64>, String> {
         let [x, y, z] = self.columns.map(|column| number(record, column));
         let reading = Vector3::new(x?, y?, z?);
-        if reading.amax() > LARGEST_READING {
+        if reading.amax() > MAX_READING {
             return Err(format!("{:e} is no reading of a sensor", reading.amax()));
         }
         Ok(reading * self.factor)

@@ -11,9 +11,9 @@ const BUILT_IN_SYSTEMS: [&str; 5] = ["G", "R", "E", "C", "J"];
 /// The navigation file has this name.
 const NAVIGATION_NAME: &str = "nav";
 /// Times beyond are in no scenario.
-const MOST_S: f64 = 1e9;
+const MAX_S: f64 = 1e9;
 /// Turns further round than this say nothing new.
-const MOST_DEG: f64 = 720.0;
+const MAX_DEG: f64 = 720.0;
 
 /// What a number may be: values beyond would be none of a receiver, or break the columns of RINEX.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +23,7 @@ enum Allowed {
     AboveZero(f64),
 }
 
-const ANGLE: Allowed = within(MOST_DEG);
+const ANGLE: Allowed = within(MAX_DEG);
 const ELEVATION: Allowed = within(90.0);
 const HEIGHT: Allowed = Allowed::Within(-12_000.0, 1e7);
 
@@ -85,7 +85,7 @@ pub(crate) fn check_pose(pose: &RecordedPose) -> Result<(), ScenarioError> {
     let [heading, pitch, roll] = pose.angles_deg;
     let Place { latitude_deg, longitude_deg, height_m } = pose.place;
     let numbers = [
-        ("time_s", pose.time_s, within(MOST_S)),
+        ("time_s", pose.time_s, within(MAX_S)),
         ("latitude_deg", latitude_deg, ELEVATION),
         ("longitude_deg", longitude_deg, ANGLE),
         ("height_m", height_m, HEIGHT),
@@ -268,13 +268,13 @@ fn of_disturbances(scenario: &Scenario, numbers: &mut Numbers) {
         numbers.push((key.to_owned(), value, allowed));
     };
     let last_s = scenario.duration_s;
-    let end = |from_s: f64| Allowed::Within(from_s, MOST_S);
+    let end = |from_s: f64| Allowed::Within(from_s, MAX_S);
     for outage in &scenario.outage {
-        add("outage.from_s", outage.from_s, within(MOST_S));
+        add("outage.from_s", outage.from_s, within(MAX_S));
         add("outage.to_s", outage.to_s, end(outage.from_s));
     }
     for interference in &scenario.interference {
-        add("interference.from_s", interference.from_s, within(MOST_S));
+        add("interference.from_s", interference.from_s, within(MAX_S));
         add("interference.to_s", interference.to_s, end(interference.from_s));
         add("interference.cn0_drop_db", interference.cn0_drop_db, up_to(99.0));
     }

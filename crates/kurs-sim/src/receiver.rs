@@ -22,11 +22,11 @@ const INTEGER_RANGE: f64 = 100_000.0;
 const CN0_FALL_DB: f64 = 15.0;
 const CN0_SD_DB: f64 = 0.3;
 /// Noise grows with falling elevation up to this factor.
-const LARGEST_GROWTH: f64 = 3.5;
+const MAX_GROWTH: f64 = 3.5;
 /// C/N0 for which the noise of law `cn0` is given.
 const REFERENCE_CN0_DBHZ: f64 = 45.0;
 /// Slips at random are of one to this many cycles.
-const LARGEST_RANDOM_SLIP: f64 = 10.0;
+const MAX_RANDOM_SLIP: f64 = 10.0;
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -299,7 +299,7 @@ impl Channel {
         let per_epoch = scenario.slips.per_hour * interval_s / 3600.0;
         let slip = match planned {
             None if per_epoch > 0.0 && noise.uniform() < per_epoch => {
-                let size = whole(1.0 + noise.uniform() * (LARGEST_RANDOM_SLIP - 1.0));
+                let size = whole(1.0 + noise.uniform() * (MAX_RANDOM_SLIP - 1.0));
                 let sign = if noise.uniform() < 0.5 { -1 } else { 1 };
                 Some((sign * size, noise.uniform() < scenario.slips.flagged_share))
             }
@@ -405,7 +405,7 @@ impl Growth {
         let low = 1.0 / sin_elevation.max(1e-3);
         let (code, phase) = match law {
             Law::Flat => (1.0, 1.0),
-            Law::Elevation => (low.min(LARGEST_GROWTH), low.min(LARGEST_GROWTH)),
+            Law::Elevation => (low.min(MAX_GROWTH), low.min(MAX_GROWTH)),
             Law::Mixed => (low, (0.5 * (1.0 + low * low)).sqrt()),
             Law::Cn0 => {
                 let both = weaker(REFERENCE_CN0_DBHZ - cn0_dbhz);

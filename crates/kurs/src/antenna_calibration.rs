@@ -13,7 +13,7 @@ use crate::frames::{Body, Vector};
 use crate::signal::Band;
 
 /// Values of a pattern that are admitted, m.
-const LARGEST_M: f64 = 10.0;
+const MAX_M: f64 = 10.0;
 
 /// The phase centre of one antenna in one band.
 #[derive(Debug, Clone, PartialEq)]
@@ -118,7 +118,7 @@ impl PhaseCenter {
             }
         }
         let mut values = offset_m.iter().chain(&mean_m).chain(&table_m);
-        match values.find(|value| !(-LARGEST_M..=LARGEST_M).contains(*value)) {
+        match values.find(|value| !(-MAX_M..=MAX_M).contains(*value)) {
             Some(value) => Err(BadCalibration::Value { value_m: *value }),
             None => Ok(Self { offset_m, zenith, mean_m, azimuth, table_m }),
         }

@@ -47,7 +47,7 @@ pub struct AttitudeAccuracy {
 }
 
 /// A simulation ends early when the search has given up in so many epochs: each takes a second.
-const MOST_GIVEN_UP: u32 = 5;
+const MAX_GIVEN_UP: u32 = 5;
 
 /// How often simulated epochs gave the right integers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -257,7 +257,7 @@ fn count_right_integers(
     let conditional_factor = model.conditional_covariance_m2.clone().cholesky()?.unpack();
     let mut rate = SimulatedRate { right: 0, draws: 0 };
     let mut given_up = 0;
-    while rate.draws < draws && given_up < MOST_GIVEN_UP {
+    while rate.draws < draws && given_up < MAX_GIVEN_UP {
         // â = Q_a^½ n,  b̂ = b + Q_ba Q_a⁻¹ â + Q_b|a^½ n
         let ambiguities = &ambiguity_factor * standard_normal(ambiguity_factor.nrows(), random);
         let given = &conditional_factor * standard_normal(conditional_factor.nrows(), random);

@@ -85,9 +85,9 @@ const GRAVITY_ANOMALY_SD_MPS2: f64 = 5e-4;
 const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 
 /// Residuals of a pose up to this are noise, or what is not linear in a good sensor …
-const LARGEST_MISFIT_MPS2: f64 = 0.02;
+const MAX_MISFIT_MPS2: f64 = 0.02;
 /// … or this many standard deviations of its mean.
-const LARGEST_MISFIT_SIGMAS: f64 = 5.0;
+const MAX_MISFIT_SIGMAS: f64 = 5.0;
 
 /// `calibration.toml`, as `kurs fuse` reads it.
 #[derive(Debug, Serialize)]
@@ -296,7 +296,7 @@ fn report_accelerometer(
 fn worst_misfit(poses: &[Pose], residuals: &[f64]) -> Option<usize> {
     let noise_mps2 = |pose: &Pose| pose.sample_sd_mps2 / (pose.samples as f64).sqrt();
     let allowed_mps2 =
-        |pose: usize| LARGEST_MISFIT_MPS2.max(LARGEST_MISFIT_SIGMAS * noise_mps2(&poses[pose]));
+        |pose: usize| MAX_MISFIT_MPS2.max(MAX_MISFIT_SIGMAS * noise_mps2(&poses[pose]));
     let worst =
         (0..poses.len()).max_by(|a, b| residuals[*a].abs().total_cmp(&residuals[*b].abs()))?;
     (residuals[worst].abs() > allowed_mps2(worst)).then_some(worst)

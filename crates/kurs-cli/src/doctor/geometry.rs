@@ -11,11 +11,11 @@ use super::sample::Sample;
 use super::trials::Trial;
 
 /// Fixed epochs that a distance needs.
-const LEAST_FIXES: usize = 5;
+const MIN_FIXES: usize = 5;
 /// A distance off by less than this is not wrong: antenna phase centres alone make millimetres.
 const TOLERANCE_M: f64 = 0.010;
 /// All permutations are tried up to this number of antennas.
-const MOST_ANTENNAS: usize = 7;
+const MAX_ANTENNAS: usize = 7;
 /// Lengths tried around the configured one on either side where nothing is fixed without a length.
 const SCAN_STEP_M: f64 = 0.02;
 const SCAN_STEPS: i32 = 15;
@@ -66,7 +66,7 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
                 ends.map(|b| b.covariance_m2.trace() / 3.0).sum::<f64>()
             });
             let sd_m = median(variances.collect()).sqrt();
-            if lengths.len() >= LEAST_FIXES {
+            if lengths.len() >= MIN_FIXES {
                 let known_m = (array.positions_m()[second] - array.positions_m()[first]).norm();
                 let found_m = median(lengths);
                 found.push(Distance { first, second, found_m, known_m, sd_m });
@@ -118,7 +118,7 @@ pub(super) fn scanned(
                 a.0.cmp(&b.0).then(off(a.1).total_cmp(&off(b.1)))
             });
         // A length that mends: many epochs, and more than by chance with the configured one.
-        let many = |count: usize| count >= LEAST_FIXES && 3 * step * count > sample.epochs.len();
+        let many = |count: usize| count >= MIN_FIXES && 3 * step * count > sample.epochs.len();
         if let Some((count, found_m)) = best.filter(|(count, _)| many(*count))
             && count > 2 * fixes(second, known_m)
         {
@@ -136,7 +136,7 @@ pub(super) fn swapped(
     array_sd_m: f64,
 ) -> Option<Vec<usize>> {
     let pairs = array.len() * (array.len() - 1) / 2;
-    if array.len() > MOST_ANTENNAS || distances.len() < pairs {
+    if array.len() > MAX_ANTENNAS || distances.len() < pairs {
         return None;
     }
     let places = array.positions_m();

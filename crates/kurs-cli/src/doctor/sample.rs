@@ -5,7 +5,7 @@ use kurs::observation::ArrayEpoch;
 use crate::solve::streams::Streams;
 
 /// No more than this many epochs are kept.
-const MOST_EPOCHS: usize = 400;
+const MAX_EPOCHS: usize = 400;
 
 /// The sample, and what was seen of the rest.
 pub(super) struct Sample {
@@ -24,7 +24,7 @@ impl Sample {
         let mut epoch = ArrayEpoch::default();
         while streams.next(&mut epoch)? {
             if of % stride == 0 {
-                if epochs.len() == MOST_EPOCHS {
+                if epochs.len() == MAX_EPOCHS {
                     stride *= 2;
                     let mut number = 0;
                     epochs.retain(|_| {

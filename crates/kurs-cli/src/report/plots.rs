@@ -25,7 +25,7 @@ use crate::truth::difference_deg;
 const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
-const LARGEST_COLOUR_MM: f64 = 8.0;
+const MAX_COLOUR_MM: f64 = 8.0;
 /// Lines are broken where the time to the next epoch is so many times the usual one.
 const LONG_GAP: f64 = 5.0;
 /// Times at which the sky is drawn.
@@ -267,7 +267,7 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
         let marker = Marker::new()
             .color_array(millimetres)
             .cmin(0.0)
-            .cmax(LARGEST_COLOUR_MM)
+            .cmax(MAX_COLOUR_MM)
             .color_scale(ColorScale::Palette(ColorScalePalette::Cividis))
             .color_bar(bar)
             .show_scale(!has_scale)

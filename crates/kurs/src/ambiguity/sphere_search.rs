@@ -37,7 +37,7 @@ const MAX_POINTS: f64 = 2e7;
 const MAX_STEPS: usize = 50;
 /// Below this the standard deviation of the length is taken as this, m: a hundredth of a
 /// millimetre is nothing to a phase.
-const LEAST_LENGTH_SD_M: f64 = 1e-5;
+const MIN_LENGTH_SD_M: f64 = 1e-5;
 
 /// Differenced phases of one baseline, and what else is known of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,7 +178,7 @@ struct Shell {
 /// Shells that hold every baseline whose length alone costs no more than `max_cost`.
 fn shells(model: &PhaseModel, length: Length, max_cost: f64) -> Result<Vec<Shell>, AmbiguityError> {
     let spacing_m = SPACING * model.wavelengths_m.min();
-    let sd_m = length.sd_m.max(LEAST_LENGTH_SD_M);
+    let sd_m = length.sd_m.max(MIN_LENGTH_SD_M);
     let stretch_m = max_cost.max(0.0).sqrt() * sd_m;
     let (shortest_m, longest_m) =
         ((length.length_m - stretch_m).max(0.0), length.length_m + stretch_m);
@@ -373,7 +373,7 @@ impl Objective<'_> {
             cost += residuals[j] * weighted;
         }
         let from_prior = b - model.prior_m;
-        let stretch = (b.norm() - self.length.length_m) / self.length.sd_m.max(LEAST_LENGTH_SD_M);
+        let stretch = (b.norm() - self.length.length_m) / self.length.sd_m.max(MIN_LENGTH_SD_M);
         cost + from_prior.dot(&(model.prior_information * from_prior)) + stretch * stretch
     }
 
@@ -383,7 +383,7 @@ impl Objective<'_> {
         let information = model.design.transpose() * self.weight * &model.design;
         let information: Matrix3<f64> =
             information.fixed_view::<3, 3>(0, 0) + model.prior_information;
-        let length_weight = self.length.sd_m.max(LEAST_LENGTH_SD_M).powi(-2);
+        let length_weight = self.length.sd_m.max(MIN_LENGTH_SD_M).powi(-2);
         let mut b = start;
         let mut value = self.value(&b);
         for _ in 0..MAX_STEPS {

@@ -22,7 +22,7 @@ use super::weighted::{AttitudeProblem, Minimum};
 /// Minima closer together than this are one.
 const SAME_ATTITUDE_RAD: f64 = 1e-4;
 /// Share of the information below which a margin is rounding.
-const LEAST_MARGIN: f64 = 1e-9;
+const MIN_MARGIN: f64 = 1e-9;
 
 /// The global minimum, and how alone it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +71,7 @@ impl AttitudeProblem {
     /// As [`AttitudeProblem::minimum_from_wahba`].
     pub fn minimum(&self) -> Result<Minimum, AttitudeError> {
         let found = self.minimum_from_wahba()?;
-        if self.is_certified(&found, LEAST_MARGIN * found.information.trace()) {
+        if self.is_certified(&found, MIN_MARGIN * found.information.trace()) {
             return Ok(found);
         }
         let Ok(other) = self.minimum_from(self.mirror_image(&found.rotation)) else {
@@ -89,7 +89,7 @@ impl AttitudeProblem {
     /// As [`AttitudeProblem::minimum_from_wahba`].
     pub fn global_minimum(&self, margin: f64) -> Result<GlobalMinimum, AttitudeError> {
         let minimum = self.minimum_from_wahba()?;
-        let margin = margin.max(LEAST_MARGIN * minimum.information.trace());
+        let margin = margin.max(MIN_MARGIN * minimum.information.trace());
         if self.is_certified(&minimum, margin) {
             return Ok(GlobalMinimum { minimum, uniqueness: Uniqueness::Certified { margin } });
         }

@@ -29,7 +29,7 @@ const ROUNDING_RAD: f64 = 1e-14;
 /// No step turns further.
 const MAX_STEP_RAD: f64 = 1.0;
 /// The correction of the information is of the second order, not another information.
-const LEAST_UNBIASED_SHARE: f64 = 0.75;
+const MIN_UNBIASED_SHARE: f64 = 0.75;
 /// Share of the largest eigenvalue below which the smallest counts as zero.
 const SINGULAR_RATIO: f64 = 1e-12;
 
@@ -293,8 +293,8 @@ impl AttitudeProblem {
                 unbiased -= self.expand(&aside).hessian / 6.0;
             }
         }
-        let is_small = is_positive_definite(unbiased - LEAST_UNBIASED_SHARE * gauss_newton)
-            && is_positive_definite(gauss_newton / LEAST_UNBIASED_SHARE - unbiased);
+        let is_small = is_positive_definite(unbiased - MIN_UNBIASED_SHARE * gauss_newton)
+            && is_positive_definite(gauss_newton / MIN_UNBIASED_SHARE - unbiased);
         if is_small { unbiased } else { gauss_newton }
     }
 

@@ -24,13 +24,13 @@ use crate::signal::{Band, Satellite, System};
 use crate::sky::NoiseModel;
 
 /// Channels are −7 to 6.
-const MOST_STEPS: usize = 14;
+const MAX_STEPS: usize = 14;
 /// Fixed epochs before an estimate is believed.
-const LEAST_EPOCHS: f64 = 5.0;
+const MIN_EPOCHS: f64 = 5.0;
 /// Share of the pairs' lengths that must point the same way.
-const LEAST_AGREEMENT: f64 = 0.8;
+const MIN_AGREEMENT: f64 = 0.8;
 /// The top of another β must stay below this share of the highest.
-const MOST_RIVAL: f64 = 0.7;
+const MAX_RIVAL: f64 = 0.7;
 /// A top within this distance of the highest is the same one, m.
 const SAME_TOP_M: f64 = 0.03;
 /// Steps of β that are looked at, m.
@@ -40,7 +40,7 @@ const FORGETTING: f64 = 0.005;
 /// Pairs share satellites and epochs their reflections: this many count as one.
 const PAIRS_FOR_ONE: f64 = 50.0;
 /// No estimate is better than this, m.
-const LEAST_SD_M: f64 = 0.0003;
+const MIN_SD_M: f64 = 0.0003;
 
 /// The biases of all pairs of receivers.
 #[derive(Debug, Default)]
@@ -68,9 +68,9 @@ struct Observed {
 #[derive(Debug, Clone, Copy)]
 struct Estimate {
     /// `P_Δ`.
-    sums: [Complex<f64>; MOST_STEPS],
+    sums: [Complex<f64>; MAX_STEPS],
     /// Pairs in each.
-    pairs: [f64; MOST_STEPS],
+    pairs: [f64; MAX_STEPS],
     epochs: f64,
     /// `β̂` and its standard deviation, m for each step of the channel, once they are believed.
     known: Option<(f64, f64)>,
@@ -158,8 +158,8 @@ impl ChannelBiases {
 impl Default for Estimate {
     fn default() -> Self {
         Self {
-            sums: [Complex::new(0.0, 0.0); MOST_STEPS],
-            pairs: [0.0; MOST_STEPS],
+            sums: [Complex::new(0.0, 0.0); MAX_STEPS],
+            pairs: [0.0; MAX_STEPS],
             epochs: 0.0,
             known: None,
         }
@@ -177,7 +177,7 @@ impl Estimate {
             for (second, second_m) in &differences[..i] {
                 let steps = first.channel.abs_diff(second.channel).into();
                 let sign = f64::from((first.channel - second.channel).signum());
-                if (1..MOST_STEPS).contains(&steps) {
+                if (1..MAX_STEPS).contains(&steps) {
                     let cycles = sign * (first_m - second_m) / first.wavelength_m;
                     self.sums[steps] += Complex::from_polar(1.0, TAU * cycles);
                     self.pairs[steps] += 1.0;
@@ -199,7 +199,7 @@ impl Estimate {
     /// The top of `S`, if it is high and alone.
     fn believed(&self, wavelength_m: f64) -> Option<(f64, f64)> {
         let all: f64 = self.pairs.iter().sum();
-        if self.epochs < LEAST_EPOCHS || all == 0.0 {
+        if self.epochs < MIN_EPOCHS || all == 0.0 {
             return None;
         }
         let height = |bias_m: f64| self.agreement(bias_m, wavelength_m);
@@ -217,7 +217,7 @@ impl Estimate {
         };
         let others = grid.iter().filter(|(bias_m, _)| apart_m(*bias_m) > SAME_TOP_M);
         let rival = others.map(|(_, height)| *height).fold(0.0, f64::max);
-        if top < LEAST_AGREEMENT * all || rival > MOST_RIVAL * top {
+        if top < MIN_AGREEMENT * all || rival > MAX_RIVAL * top {
             return None;
         }
         // The parabola through the top and its neighbours.
@@ -232,7 +232,7 @@ impl Estimate {
             .map(|(steps, pairs)| pairs * (TAU * steps as f64 / wavelength_m).powi(2))
             .sum();
         let scatter = -2.0 * (top / all).min(1.0).ln();
-        let sd_m = (PAIRS_FOR_ONE * scatter / slope_squares).sqrt().max(LEAST_SD_M);
+        let sd_m = (PAIRS_FOR_ONE * scatter / slope_squares).sqrt().max(MIN_SD_M);
         Some((bias_m, sd_m))
     }
 }

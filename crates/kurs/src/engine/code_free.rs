@@ -16,7 +16,7 @@ use crate::solution::Reason;
 /// Code residuals so many times larger than the session's, root mean square, are of no use.
 const USELESS: f64 = 2.0;
 /// With fewer redundant observations that is chance too often.
-const LEAST_FREEDOM: usize = 8;
+const MIN_FREEDOM: usize = 8;
 /// The time for a sphere grows with its area: some tens of milliseconds for this radius, m.
 const MAX_LENGTH_M: f64 = 3.0;
 /// Integers that are tried, a few milliseconds: noisy phases leave too many.
@@ -27,7 +27,7 @@ const HORIZON: f64 = 50.0;
 /// Whether the code of the epoch contradicts itself too much to be of use.
 pub(super) fn code_is_useless(float: &FloatSolution) -> bool {
     let fit = float.code_fit;
-    fit.freedom >= LEAST_FREEDOM && fit.unit_weight() > USELESS
+    fit.freedom >= MIN_FREEDOM && fit.unit_weight() > USELESS
 }
 
 /// The search over the sphere, with the memory of its success rate.

@@ -26,7 +26,7 @@ const MAX_FIXED_SD_M: f64 = 0.3;
 /// A fix whose phase residuals are this many times larger than their weights say is no fix.
 const MAX_UNIT_WEIGHT: f64 = 4.0;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
-const LEAST_SUCCESS: f64 = 0.5;
+const MIN_SUCCESS: f64 = 0.5;
 /// A length that is off by more than this many standard deviations breaks the known geometry.
 const MAX_LENGTH_SD: f64 = 5.0;
 
@@ -224,7 +224,7 @@ impl Outcome {
         self.phase_fit = conditional.phase_fit;
         self.is_clear = found.rivals <= rate || found.ratio >= CLEAR_RATIO;
         if found.rivals > rate {
-            let weak = found.success_rate < LEAST_SUCCESS;
+            let weak = found.success_rate < MIN_SUCCESS;
             self.verdict = Verdict::Float(if weak { Reason::SuccessRate } else { Reason::Ratio });
             return;
         }

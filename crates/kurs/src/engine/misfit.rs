@@ -25,15 +25,15 @@ use crate::time::GpsTime;
 /// Time in which what was learnt fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
 const FADING_S: f64 = 300.0;
 /// At least this share of the noise variance stays from epoch to epoch.
-const LEAST_STAYING: f64 = 0.1;
+const MIN_STAYING: f64 = 0.1;
 /// Degrees of freedom of successive differences that "all of it stays" counts for at first.
 const STAYING_FREEDOM: f64 = 6.0;
 /// Normalised square that one epoch counts for at most.
 const MAX_SQUARE: f64 = 40.0;
 /// A mean misfit less probable than this is not that of the known array,
-const LEAST_PROBABLE: f64 = 1e-5;
+const MIN_PROBABLE: f64 = 1e-5;
 /// and in the first epochs, when the array has not proven itself yet, less than this over their number.
-const LEAST_PROBABLE_AT_FIRST: f64 = 1e-2;
+const MIN_PROBABLE_AT_FIRST: f64 = 1e-2;
 
 /// What one epoch's baselines leave against the known places, in body axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -179,7 +179,7 @@ impl MeanMisfit {
     /// Share `ρ` of the noise variance that stays from epoch to epoch.
     fn staying(&self) -> f64 {
         let changing = self.changes / (self.change_freedom + STAYING_FREEDOM);
-        (1.0 - changing).clamp(LEAST_STAYING, 1.0)
+        (1.0 - changing).clamp(MIN_STAYING, 1.0)
     }
 
     /// `Nᵀ S N`
@@ -190,8 +190,8 @@ impl MeanMisfit {
 
     /// Whether the recent epochs together say that the array is not the known one.
     pub(super) fn is_improbable(&self) -> bool {
-        let least = LEAST_PROBABLE_AT_FIRST / self.seen.max(1) as f64;
-        self.probability() < least.max(LEAST_PROBABLE)
+        let least = MIN_PROBABLE_AT_FIRST / self.seen.max(1) as f64;
+        self.probability() < least.max(MIN_PROBABLE)
     }
 
     /// Probability of a mean misfit as large as this or larger, if the array is right; 1 while

@@ -17,7 +17,7 @@ const PRIOR_FREEDOM: f64 = 4.0;
 /// Degrees of freedom after which old epochs are forgotten: code multipath changes over minutes.
 const MEMORY_FREEDOM: f64 = 1000.0;
 /// No session is better than this share of the a-priori standard deviation.
-const LEAST_SCALE: f64 = 0.2;
+const MIN_SCALE: f64 = 0.2;
 /// One epoch moves the scale by no more than this many times its expected residuals.
 const MAX_EPOCH: f64 = 25.0;
 
@@ -39,7 +39,7 @@ impl Default for NoiseScale {
 impl NoiseScale {
     /// The variance factor.
     pub(super) fn variance_factor(&self) -> f64 {
-        (self.sum / self.freedom).max(LEAST_SCALE * LEAST_SCALE)
+        (self.sum / self.freedom).max(MIN_SCALE * MIN_SCALE)
     }
 
     /// Degrees of freedom behind the factor.

@@ -16,7 +16,7 @@ use crate::solution::{AttitudeEstimate, Reason};
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
 /// Fixed baselines whose misfit to the array is less probable than this do not come from this array.
-const LEAST_PROBABLE_MISFIT: f64 = 1e-5;
+const MIN_PROBABLE_MISFIT: f64 = 1e-5;
 
 /// How the body stands, and how its baselines fit to the known array.
 #[derive(Debug)]
@@ -87,7 +87,7 @@ fn full(
     let survey_m2 = survey_covariance(vectors.len(), array_sd_m);
     let chi2 = squares(&solved.residuals_m, covariance_m2 + survey_m2);
     let fits = chi2.is_some_and(|chi2| {
-        chi_square_tail(chi2, solved.degrees_of_freedom) >= LEAST_PROBABLE_MISFIT
+        chi_square_tail(chi2, solved.degrees_of_freedom) >= MIN_PROBABLE_MISFIT
     });
     let attitude = if !fits {
         Err(Reason::Geometry)

@@ -34,18 +34,18 @@ const ALLOWANCE: f64 = 4.0;
 /// errors are no longer small turns.
 const MAX_SD_RAD: f64 = 0.26;
 /// A fix further from the prediction than is this probable contradicts it: five sigmas of a single value.
-const LEAST_PROBABLE: f64 = 5.7e-7;
+const MIN_PROBABLE: f64 = 5.7e-7;
 /// Integers that fit code and phases worse than this probability are not believed, whatever is
 /// predicted.
-const LEAST_PLAUSIBLE_ALONE: f64 = 1e-4;
+const MIN_PLAUSIBLE_ALONE: f64 = 1e-4;
 /// The same of integers beside the predicted baselines; and in sigmas of a single value.
-const LEAST_PLAUSIBLE: f64 = 0.01;
+const MIN_PLAUSIBLE: f64 = 0.01;
 const PLAUSIBLE_SIGMAS: f64 = 2.326;
 /// Least standard deviation of the surveyed positions that is reckoned with here, m.
-const LEAST_ARRAY_SD_M: f64 = 0.001;
+const MIN_ARRAY_SD_M: f64 = 0.001;
 /// Components of the baselines that a turn of the body changes by less than this share of the largest
 /// are not changed by it.
-const LEAST_CHANGE: f64 = 1e-3;
+const MIN_CHANGE: f64 = 1e-3;
 
 /// An attitude that is expected at the instant of an epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,7 +95,7 @@ impl PredictedAttitude {
         let svd = finite.then(|| turn.clone().svd(true, true))?;
         let (u, turns) = (svd.u?, svd.v_t?);
         let seen: Vec<usize> = (0..3)
-            .filter(|i| svd.singular_values[*i] > LEAST_CHANGE * svd.singular_values.max())
+            .filter(|i| svd.singular_values[*i] > MIN_CHANGE * svd.singular_values.max())
             .collect();
         let is_certain = |i: &usize| {
             let axis = turns.row(*i).transpose();
@@ -105,7 +105,7 @@ impl PredictedAttitude {
         if seen.is_empty() || !seen.iter().all(is_certain) {
             return None;
         }
-        let survey_m2 = survey_covariance(k, settings.array_sd_m.max(LEAST_ARRAY_SD_M));
+        let survey_m2 = survey_covariance(k, settings.array_sd_m.max(MIN_ARRAY_SD_M));
         Some(PredictedBaselines {
             expected_m,
             directions: u.select_columns(&seen),
@@ -134,7 +134,7 @@ impl PredictedBaselines {
         let off_m = u.tr_mul(&(&fixed.vectors_m - &self.expected_m));
         let both_m2 = u.tr_mul(&(&self.covariance_m2 + &fixed.covariance_m2)) * u;
         let Some(factor) = both_m2.cholesky() else { return false };
-        chi_square_tail(off_m.dot(&factor.solve(&off_m)), off_m.len()) < LEAST_PROBABLE
+        chi_square_tail(off_m.dot(&factor.solve(&off_m)), off_m.len()) < MIN_PROBABLE
     }
 
     /// The float solution with the prediction in it.
@@ -176,8 +176,7 @@ impl Fixer {
         let problem = self.problem(&informed, links, frame, settings, rate);
         let found = self.searches.with_array(&problem, array).ok()?;
         let alone = probability(float, &found.integers)?;
-        if alone < LEAST_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < LEAST_PLAUSIBLE
-        {
+        if alone < MIN_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < MIN_PLAUSIBLE {
             return None;
         }
         let mut outcome = Outcome::float(float, frame);
@@ -206,7 +205,7 @@ fn chance_of_a_fit(beside: &FloatSolution) -> Option<f64> {
     Some((log_ball(n) + n as f64 * plausible_radius(n).ln() + log_root).exp())
 }
 
-/// Root of the χ² with `n` degrees of freedom that is exceeded with [`LEAST_PLAUSIBLE`] (Wilson and
+/// Root of the χ² with `n` degrees of freedom that is exceeded with [`MIN_PLAUSIBLE`] (Wilson and
 /// Hilferty 1931): `χ² ≈ n (1 − 2/9n + z √(2/9n))³`.
 fn plausible_radius(n: usize) -> f64 {
     let (n, spread) = (n as f64, 2.0 / (9.0 * n.max(1) as f64));
@@ -233,7 +232,7 @@ mod tests {
         }
         for n in 3..40 {
             let exceeded = chi_square_tail(plausible_radius(n).powi(2), n);
-            assert!((exceeded / LEAST_PLAUSIBLE - 1.0).abs() < 0.03, "{n}: {exceeded}");
+            assert!((exceeded / MIN_PLAUSIBLE - 1.0).abs() < 0.03, "{n}: {exceeded}");
         }
     }
 }

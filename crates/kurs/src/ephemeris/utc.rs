@@ -7,7 +7,7 @@ use crate::time::{Calendar, GpsTime};
 /// Parameters whose reference time is farther away have no drift that could be trusted.
 const LONGEST_DRIFT_S: f64 = 31.0 * 86_400.0;
 /// The systems keep their time within a microsecond of UTC, GLONASS within a millisecond.
-const LARGEST_BIAS_S: f64 = 1e-3;
+const MAX_BIAS_S: f64 = 1e-3;
 /// Whose parameters are taken first. BeiDou's, Galileo's and GLONASS's times are taken for GPS time
 /// but for a broadcast offset; they differ by nanoseconds.
 const PREFERENCE: [System; 5] =
@@ -51,7 +51,7 @@ impl NavigationData {
             };
             let (value_s, apart_s) =
                 linear(offset.bias_s, offset.drift, offset.reference_time, time);
-            (value_s.abs() < LARGEST_BIAS_S).then_some((apart_s, sign * value_s))
+            (value_s.abs() < MAX_BIAS_S).then_some((apart_s, sign * value_s))
         });
         signed.min_by(|(a, _), (b, _)| a.total_cmp(b)).map_or(0.0, |(_, value_s)| value_s)
     }
@@ -59,7 +59,7 @@ impl NavigationData {
 
 impl UtcParameters {
     fn is_sane(&self) -> bool {
-        self.bias_s.abs() < LARGEST_BIAS_S && self.drift.abs() < 1e-9
+        self.bias_s.abs() < MAX_BIAS_S && self.drift.abs() < 1e-9
     }
 
     fn distance_s(&self, time: GpsTime) -> f64 {

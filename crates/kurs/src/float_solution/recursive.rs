@@ -46,7 +46,7 @@ const FADING_S: f64 = 300.0;
 const MAX_DEPARTURE_SD: f64 = 5.0;
 /// … and by more than this share of its wavelength is disturbed: it slipped, or it got a bias. Less
 /// is what multipath does.
-const LEAST_SLIP_CYCLES: f64 = 0.1;
+const MIN_SLIP_CYCLES: f64 = 0.1;
 /// If more than this share of the links slipped at once, nothing is left to tell them from the rest.
 const MAX_SLIPPED_SHARE: f64 = 0.4;
 
@@ -327,7 +327,7 @@ impl RecursiveFloat {
         let first = self.baseline_unknowns();
         let determined = self.determined(own);
         let most = (MAX_SLIPPED_SHARE * self.arcs.len() as f64).ceil();
-        let least_m = |arc: &Arc| LEAST_SLIP_CYCLES * arc.wavelength_m;
+        let least_m = |arc: &Arc| MIN_SLIP_CYCLES * arc.wavelength_m;
         let least_m: Vec<f64> = self.arcs.iter().map(least_m).collect();
         let mut prior = self.of_present();
         while let Some(arc) = worst_departure(&prior, news, &determined, first, &least_m) {

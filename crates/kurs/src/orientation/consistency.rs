@@ -18,7 +18,7 @@ const FALSE_ALARMS: f64 = 1e-4;
 /// How much worse in χ² the next explanation must be.
 const SEPARATION: f64 = 15.0;
 /// Half of χ² that another attitude must cost more.
-const LEAST_GAP: f64 = 8.0;
+const MIN_GAP: f64 = 8.0;
 /// Points off their line by less than this share of its length are on it.
 const LINE_RATIO: f64 = 1e-3;
 
@@ -129,8 +129,8 @@ pub fn fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
 
 fn fit_body(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
     let normal = CoordinateNormal::new(points).map_err(no_fit)?;
-    let global = normal.problem.global_minimum(LEAST_GAP).map_err(no_fit)?;
-    if global.uniqueness.is_ambiguous(LEAST_GAP) {
+    let global = normal.problem.global_minimum(MIN_GAP).map_err(no_fit)?;
+    if global.uniqueness.is_ambiguous(MIN_GAP) {
         return Err(NoFit::TwoMinima);
     }
     let rotation = global.minimum.rotation;
@@ -149,7 +149,7 @@ fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<Fit, NoFit> 
         .collect();
     let normal = CoordinateNormal::new(&on_line).map_err(no_fit)?;
     let direction = normal.problem.direction(&axis).map_err(no_fit)?;
-    if direction.cost_gap.is_some_and(|gap| gap < LEAST_GAP) {
+    if direction.cost_gap.is_some_and(|gap| gap < MIN_GAP) {
         return Err(NoFit::TwoMinima);
     }
     // Only Q e = u matters to points on the line.

@@ -15,9 +15,9 @@ use crate::attitude::triad::triad;
 use crate::frames::{Body, Geodetic, Vector};
 
 /// Epochs that are used, spread evenly.
-const MOST_EPOCHS: usize = 5000;
+const MAX_EPOCHS: usize = 5000;
 /// Epochs that two antennas must share.
-const LEAST_EPOCHS: usize = 10;
+const MIN_EPOCHS: usize = 10;
 /// Distances further from the median than this many deviations are outliers.
 const TRIM: f64 = 4.0;
 /// Normal standard deviation over median absolute deviation.
@@ -43,7 +43,7 @@ pub struct EstimatedGeometry {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GeometryError {
     /// Two antennas are hardly ever there together.
-    #[error("antennas {first} and {second} share {epochs} epochs, {LEAST_EPOCHS} are needed")]
+    #[error("antennas {first} and {second} share {epochs} epochs, {MIN_EPOCHS} are needed")]
     TooFewEpochs {
         /// Index of the first antenna.
         first: usize,
@@ -66,7 +66,7 @@ pub fn estimate(
     epochs: &[PositionEpoch],
     antennas: usize,
 ) -> Result<EstimatedGeometry, GeometryError> {
-    let step = epochs.len().div_ceil(MOST_EPOCHS).max(1);
+    let step = epochs.len().div_ceil(MAX_EPOCHS).max(1);
     let sample: Vec<&PositionEpoch> = epochs.iter().step_by(step).collect();
     let squared_m2 = squared_distances(&sample, antennas)?;
     let local: Vec<LocalPoints> = sample.iter().map(|epoch| local_points(epoch)).collect();
@@ -102,7 +102,7 @@ fn squared_distances(
             });
             let distances: Vec<f64> =
                 pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).collect();
-            if distances.len() < LEAST_EPOCHS {
+            if distances.len() < MIN_EPOCHS {
                 let epochs = distances.len();
                 return Err(GeometryError::TooFewEpochs { first, second, epochs });
             }

@@ -24,7 +24,7 @@ use crate::time::GpsTime;
 use consistency::{Fit, FitKind, NoFit};
 
 /// Epochs from which the factor on the standard deviations is found.
-const MOST_EPOCHS_FOR_FACTOR: usize = 5000;
+const MAX_EPOCHS_FOR_FACTOR: usize = 5000;
 /// Step of the central differences for the covariance of the three-point method, m.
 const DIFFERENCE_STEP_M: f64 = 1e-4;
 
@@ -111,7 +111,7 @@ impl Orienter {
     /// chance lets them be, from the median epoch; `None` without epochs that can tell.
     #[must_use]
     pub fn sd_factor(&self, epochs: &[PositionEpoch]) -> Option<f64> {
-        let step = epochs.len().div_ceil(MOST_EPOCHS_FOR_FACTOR).max(1);
+        let step = epochs.len().div_ceil(MAX_EPOCHS_FOR_FACTOR).max(1);
         let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
         let points = local.map(|local| local.points.iter().map(|p| p.point).collect());
         Some(consistency::variance_factor(points)?.sqrt())

@@ -16,7 +16,7 @@ use crate::frames::{Body, Vector};
 use crate::solution::{EpochSolution, Status};
 
 /// Distances that are looked at for the autocorrelation, spread evenly.
-const MOST_DISTANCES: usize = 5000;
+const MAX_DISTANCES: usize = 5000;
 
 /// Fixed epochs, as far as they have come in.
 #[derive(Debug, Clone, Default)]
@@ -119,7 +119,7 @@ impl SurveyedArray {
 
 /// For how many independent values these count, in the order of time.
 fn independent(values: &[f64]) -> f64 {
-    let step = values.len().div_ceil(MOST_DISTANCES).max(1);
+    let step = values.len().div_ceil(MAX_DISTANCES).max(1);
     let sample: Vec<f64> = values.iter().step_by(step).copied().collect();
     let (mean, variance) = mean_and_variance(&sample);
     if variance <= 0.0 {

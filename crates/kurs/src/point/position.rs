@@ -30,7 +30,7 @@ const ROUGH_M: f64 = 1e5;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
 const MAX_RADIUS_M: f64 = 2.0e7;
 /// No model knows the ionosphere better than this, m.
-const LEAST_IONOSPHERE_SD_M: f64 = 0.1;
+const MIN_IONOSPHERE_SD_M: f64 = 0.1;
 /// A residual of this many standard deviations does not fit the others: if the noise is Gaussian and
 /// as large as its weights say, 6·10⁻⁷ of the good satellites are excluded. Noise of code is not
 /// Gaussian, but a satellite so far off does not help the position either.
@@ -38,7 +38,7 @@ const SUSPECT: f64 = 5.0;
 /// All residuals together do not fit their weights from this multiple of the expected size on.
 const INCONSISTENT_RMS: f64 = 3.0;
 /// A residual whose variance is a smaller share of its observation's checks nothing.
-const LEAST_CHECKED: f64 = 1e-6;
+const MIN_CHECKED: f64 = 1e-6;
 /// Of the satellites, and of the pairs, this many that explain the misfit best are left out on trial.
 const TRIALS: usize = 3;
 
@@ -306,7 +306,7 @@ impl<'a> Fit<'a> {
     /// A residual over its standard deviation; zero for a satellite that the position rests on alone.
     fn normalised(&self, row: &Row) -> f64 {
         let variance_m2 = self.residual_covariance_m2(row, row);
-        let checked = row.weight * variance_m2 > LEAST_CHECKED;
+        let checked = row.weight * variance_m2 > MIN_CHECKED;
         if checked { row.misclosure_m.abs() / variance_m2.sqrt() } else { 0.0 }
     }
 
@@ -328,7 +328,7 @@ impl<'a> Fit<'a> {
         }
         let c_ab = self.residual_covariance_m2(a, b);
         let determinant = c_aa * c_bb - c_ab * c_ab;
-        if determinant * a.weight * b.weight < LEAST_CHECKED {
+        if determinant * a.weight * b.weight < MIN_CHECKED {
             return 0.0;
         }
         (v_a * v_a * c_bb - 2.0 * v_a * v_b * c_ab + v_b * v_b * c_aa) / determinant
@@ -463,7 +463,7 @@ impl Surroundings {
         };
         let first = &satellite.code;
         let w1 = weight(first);
-        let model_m2 = modelled_m.max(LEAST_IONOSPHERE_SD_M).powi(2);
+        let model_m2 = modelled_m.max(MIN_IONOSPHERE_SD_M).powi(2);
         let w_model = 1.0 / (model_m2 + satellite.delay_sd_m.powi(2));
         let (p2, w2, gamma) = satellite.second.as_ref().map_or((0.0, 0.0, 1.0), |second| {
             let gamma = (first.frequency_hz / second.frequency_hz).powi(2);

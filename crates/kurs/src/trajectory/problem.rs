@@ -85,11 +85,11 @@ impl Normal {
     /// (2): K = (ZᵀWZ)⁻¹, m²; `None` if the geometry does not determine the position.
     pub(super) fn covariance(&self) -> Option<Matrix3<f64>> {
         /// A pivot below this is rounding error.
-        const SMALLEST_PIVOT: f64 = 1e-14;
+        const MIN_PIVOT: f64 = 1e-14;
         let scale = self.scale()?;
         let factor = self.scaled(&scale).cholesky()?;
         let pivot = factor.l_dirty().diagonal().min();
-        (pivot * pivot > SMALLEST_PIVOT)
+        (pivot * pivot > MIN_PIVOT)
             .then(|| factor.inverse().component_mul(&(scale * scale.transpose())))
     }
 
