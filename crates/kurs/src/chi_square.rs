@@ -28,6 +28,40 @@ pub fn chi_square_tail(value: f64, degrees: usize) -> f64 {
     sum.min(1.0)
 }
 
+/// Probability that a sum of `degrees` squares exceeds `value`, in units of a variance that is itself known
+/// with `known_with` degrees of freedom only: `F = (value / degrees)` of Fisher's distribution. It tends to
+/// [`chi_square_tail`] as `known_with` grows.
+///
+/// `P = I_x(ν/2, d/2)` with `x = ν / (ν + value)` (Abramowitz & Stegun 26.6.2), the incomplete beta function
+/// by its continued fraction (26.5.8).
+#[must_use]
+pub fn fisher_tail(value: f64, degrees: f64, known_with: f64) -> f64 {
+    if degrees <= 0.0 || value.is_nan() || value <= 0.0 {
+        return 1.0;
+    }
+    incomplete_beta(known_with / (known_with + value), 0.5 * known_with, 0.5 * degrees)
+}
+
+/// `I_x(a, b)`, regularised.
+fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
+    // The fraction converges fast below the mean; beyond it the complement does.
+    if x > (a + 1.0) / (a + b + 2.0) {
+        return 1.0 - incomplete_beta(1.0 - x, b, a);
+    }
+    let log_factor = a * x.ln() + b * (1.0 - x).ln() + libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b);
+    // 1/(1 + d₁/(1 + d₂/(1 + …))), from the inside
+    let fraction = (1..=200).rev().fold(1.0, |inner, k| {
+        let m = f64::from(k / 2);
+        let d = if k % 2 == 0 {
+            m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m))
+        } else {
+            -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0))
+        };
+        1.0 + d / inner
+    });
+    (log_factor.exp() / (a * fraction)).clamp(0.0, 1.0)
+}
+
 /// erfc(x) for x ≥ 0: its series near zero, its continued fraction (Lentz) beyond.
 fn complementary_error(x: f64) -> f64 {
     let root_pi = core::f64::consts::PI.sqrt();
@@ -65,5 +99,24 @@ mod tests {
             assert!((tail - probability).abs() < 1e-9, "{degrees} {value}: {tail}");
         }
         assert_eq!(chi_square_tail(5.0, 0), 1.0);
+    }
+
+    /// Upper percentage points of F: Abramowitz & Stegun, table 26.9.
+    #[test]
+    fn tabulated_percentage_points_of_fisher() {
+        for (degrees, known_with, value, probability) in [
+            (1.0, 10.0, 4.96, 0.05),
+            (5.0, 10.0, 3.33, 0.05),
+            (10.0, 4.0, 5.96, 0.05),
+            (4.0, 20.0, 4.43, 0.01),
+            (10.0, 30.0, 4.24, 0.001),
+        ] {
+            let tail = fisher_tail(value * degrees, degrees, known_with);
+            assert!((tail / probability - 1.0).abs() < 0.01, "{degrees} {known_with}: {tail}");
+        }
+        for (value, degrees) in [(3.0, 2), (30.0, 10), (80.0, 40)] {
+            let (fisher, limit) = (fisher_tail(value, degrees as f64, 1e6), chi_square_tail(value, degrees));
+            assert!((fisher - limit).abs() < 1e-4 * limit.max(1e-3), "{fisher} {limit}");
+        }
     }
 }

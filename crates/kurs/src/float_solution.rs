@@ -22,11 +22,14 @@ use crate::difference::{
 /// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
 const CODE_LEFT_OUT: f64 = 1e3;
 
-/// Observations of one group and kind in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
+/// Code of one group in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
 #[derive(Debug, Clone)]
-struct Whitened {
+struct Codes {
+    factor: Cholesky<f64, Dyn>,
     design: DMatrix<f64>,
     misclosure: DVector<f64>,
+    combinations: Vec<Combination>,
+    first_link: usize,
 }
 
 /// Phases of one group before whitening, as the integers need them.
@@ -70,10 +73,10 @@ pub struct FloatSolution {
     pub code_fit: Fit,
     /// Number of satellites with a double-differenced phase.
     pub satellites: usize,
-    factors: VarianceFactors,
     /// `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`
     conditional_normal: DMatrix<f64>,
     code_right: DVector<f64>,
+    codes: Vec<Codes>,
     phases: Vec<Phases>,
     memory: Option<Memory>,
     without_code: bool,
@@ -96,10 +99,8 @@ pub struct PhaseGroup<'a> {
     pub wavelengths_m: &'a DVector<f64>,
     /// `A_Φ`.
     pub design: &'a DMatrix<f64>,
-    /// A-priori covariance, m².
+    /// Their covariance, m².
     pub covariance_m2: &'a DMatrix<f64>,
-    /// What it has to be multiplied with.
-    pub variance_factor: f64,
 }
 
 /// How well observations fit.
@@ -108,16 +109,7 @@ pub struct Fit {
     /// Weighted sum of squared residuals.
     pub sum: f64,
     /// Degrees of freedom.
-    pub freedom: usize,
-}
-
-/// What the a-priori variances have to be multiplied with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct VarianceFactors {
-    /// Of code.
-    pub code: f64,
-    /// Of carrier phase.
-    pub phase: f64,
+    pub degrees_of_freedom: usize,
 }
 
 impl Fit {
@@ -125,7 +117,7 @@ impl Fit {
     /// redundancy.
     #[must_use]
     pub fn unit_weight(&self) -> f64 {
-        if self.freedom == 0 { 0.0 } else { (self.sum / self.freedom as f64).sqrt() }
+        if self.degrees_of_freedom == 0 { 0.0 } else { (self.sum / self.degrees_of_freedom as f64).sqrt() }
     }
 }
 
@@ -160,8 +152,7 @@ pub enum NoFloat {
 
 impl FloatSolution {
     /// Solves the epoch whose links stand in `groups` (ranges of `links`), for the baselines from
-    /// `reference` to `rovers`. `factors` tells how the a-priori variances of code and phase have
-    /// to be scaled, once it knows how well the code fits with them.
+    /// `reference` to `rovers`.
     ///
     /// # Errors
     ///
@@ -171,7 +162,6 @@ impl FloatSolution {
         groups: &[std::ops::Range<usize>],
         reference: usize,
         rovers: &[usize],
-        factors: impl FnOnce(Fit) -> VarianceFactors,
     ) -> Result<Self, NoFloat> {
         let unknowns = 3 * rovers.len();
         let block = |antenna: usize| rovers.iter().position(|rover| *rover == antenna);
@@ -182,14 +172,17 @@ impl FloatSolution {
         let mut squares = 0.0;
         let mut rows = 0;
         let mut phases: Vec<Phases> = Vec::with_capacity(groups.len());
+        let mut codes: Vec<Option<Codes>> = Vec::with_capacity(groups.len());
         for range in groups {
             let of_group = &links[range.clone()];
-            if let Some(code) = whitened_code(of_group, unknowns, block) {
+            let code = group_codes(of_group, range.start, unknowns, block);
+            if let Some(code) = &code {
                 code_normal.gemm_tr(1.0, &code.design, &code.design, 1.0);
                 code_right.gemv_tr(1.0, &code.design, &code.misclosure, 1.0);
                 squares += code.misclosure.norm_squared();
                 rows += code.misclosure.len();
             }
+            codes.push(code);
             phases.extend(group_phases(of_group, range.start, unknowns, block));
         }
         if rows == 0 && phases.is_empty() {
@@ -204,29 +197,27 @@ impl FloatSolution {
         let covariance_m2 = well_conditioned_inverse(&code_normal).ok_or(undetermined)?;
         let correction_m = &covariance_m2 * &code_right;
         let squares = (squares - correction_m.dot(&code_right)).max(0.0);
-        let a_priori_fit = Fit { sum: squares, freedom: rows - unknowns };
-        let factors = factors(a_priori_fit);
 
-        let mut conditional_normal = code_normal / factors.code;
+        let mut conditional_normal = code_normal;
         for group in &phases {
             let whitened = &group.whitened_design;
-            conditional_normal.gemm_tr(1.0 / factors.phase, whitened, whitened, 1.0);
+            conditional_normal.gemm_tr(1.0, whitened, whitened, 1.0);
         }
         let satellites = satellites_with_phase(links, &phases);
         let mut float = Self {
             reference,
             rovers: rovers.to_vec(),
             correction_m,
-            covariance_m2: covariance_m2 * factors.code,
+            covariance_m2,
             ambiguities_cycles: DVector::zeros(0),
             ambiguity_covariance: DMatrix::zeros(0, 0),
             cross_covariance: DMatrix::zeros(unknowns, 0),
             baseline_of: Vec::new(),
-            code_fit: Fit { sum: squares / factors.code, ..a_priori_fit },
+            code_fit: Fit { sum: squares, degrees_of_freedom: rows - unknowns },
             satellites,
-            factors,
             conditional_normal,
-            code_right: code_right / factors.code,
+            code_right,
+            codes: codes.into_iter().flatten().collect(),
             phases,
             memory: None,
             without_code: false,
@@ -262,8 +253,8 @@ impl FloatSolution {
             let count = phases.misclosure_m.len();
             for i in 0..count {
                 for j in 0..count {
-                    self.ambiguity_covariance[(first + i, first + j)] += self.factors.phase
-                        * phases.covariance_m2[(i, j)]
+                    self.ambiguity_covariance[(first + i, first + j)] += phases.covariance_m2
+                        [(i, j)]
                         / (phases.wavelengths_m[i] * phases.wavelengths_m[j]);
                 }
             }
@@ -279,7 +270,6 @@ impl FloatSolution {
             wavelengths_m: &phases.wavelengths_m,
             design: &phases.design,
             covariance_m2: &phases.covariance_m2,
-            variance_factor: self.factors.phase,
         })
     }
 
@@ -294,7 +284,6 @@ impl FloatSolution {
         }
         float.covariance_m2 *= scale;
         float.code_right /= scale;
-        float.factors.code *= scale;
         float.code_fit = Fit::default();
         float.solve_ambiguities();
         float
@@ -324,6 +313,135 @@ impl FloatSolution {
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
     }
 
+    /// Weighted sum of squared residuals of each group's code, with its number of double differences and
+    /// the first of its links.
+    pub fn code_fits(&self) -> impl Iterator<Item = (usize, Fit)> {
+        self.codes.iter().map(|codes| {
+            let sum = (&codes.misclosure - &codes.design * &self.correction_m).norm_squared();
+            (codes.first_link, Fit { sum, degrees_of_freedom: codes.misclosure.len() })
+        })
+    }
+
+    /// Normalised squares `ê²/σ²` of the links' code, over the share of a link's error that double
+    /// differences show (their number over that of the links): 1 is what to expect.
+    pub fn code_squares(&self, links: &[Link]) -> Vec<(usize, f64)> {
+        let mut squares: Vec<(usize, f64)> = Vec::new();
+        for codes in &self.codes {
+            // ê = Σ Dᵀ L⁻ᵀ (L⁻¹ r)
+            let mut weighted = &codes.misclosure - &codes.design * &self.correction_m;
+            codes.factor.l_dirty().tr_solve_lower_triangular_mut(&mut weighted);
+            let begin = squares.len();
+            spread(&codes.combinations, codes.first_link, &weighted, &mut squares);
+            let shown = codes.combinations.len() as f64 / (squares.len() - begin).max(1) as f64;
+            for (link, value) in &mut squares[begin..] {
+                *value = links[*link].variances.code_m2 * value.powi(2) / shown;
+            }
+        }
+        squares
+    }
+
+    /// Weighted sum of squared phase residuals of each group of phases, with its number of double
+    /// differences and the first of its links, for these integers and baselines.
+    pub fn phase_fits<'a>(
+        &'a self,
+        integers: &'a [f64],
+        correction_m: &'a DVector<f64>,
+    ) -> impl Iterator<Item = (usize, Fit)> + 'a {
+        let mut first = 0;
+        self.phases.iter().map(move |phases| {
+            let count = phases.misclosure_m.len();
+            let mut residual_m = &phases.misclosure_m - &phases.design * correction_m;
+            for i in 0..count {
+                residual_m[i] -= phases.wavelengths_m[i] * integers[first + i];
+            }
+            first += count;
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut residual_m);
+            let sum = residual_m.norm_squared();
+            (phases.first_link, Fit { sum, degrees_of_freedom: count })
+        })
+    }
+
+    /// Normalised squares of the links' phases with these integers and baselines, as
+    /// [`code_squares`](Self::code_squares).
+    pub fn phase_squares(
+        &self,
+        links: &[Link],
+        integers: &[f64],
+        correction_m: &DVector<f64>,
+    ) -> Vec<(usize, f64)> {
+        let mut squares: Vec<(usize, f64)> = Vec::new();
+        let mut first = 0;
+        for phases in &self.phases {
+            let count = phases.misclosure_m.len();
+            let mut weighted = &phases.misclosure_m - &phases.design * correction_m;
+            for i in 0..count {
+                weighted[i] -= phases.wavelengths_m[i] * integers[first + i];
+            }
+            first += count;
+            phases.factor.solve_mut(&mut weighted);
+            let begin = squares.len();
+            spread(&phases.combinations, phases.first_link, &weighted, &mut squares);
+            let shown = count as f64 / (squares.len() - begin).max(1) as f64;
+            for (link, value) in &mut squares[begin..] {
+                *value = links[*link].variances.phase_m2 * value.powi(2) / shown;
+            }
+        }
+        squares
+    }
+
+    /// Whole cycles of every link whose phase is used, as far as the epoch's integers tell them: those of
+    /// receivers and satellites are left out, double differences are exact.
+    pub fn whole_cycles(&self, links: &[Link], integers: &[f64]) -> Vec<Option<f64>> {
+        let mut cycles = vec![None; links.len()];
+        let mut row = 0;
+        for phases in &self.phases {
+            for (combination, own) in phases.combinations.iter().zip(&phases.own) {
+                for (edge, sign) in combination {
+                    let link = phases.first_link + edge;
+                    let cycle = cycles[link].get_or_insert(links[link].whole_cycles);
+                    if edge == own {
+                        *cycle += sign * integers[row];
+                    }
+                }
+                row += 1;
+            }
+        }
+        cycles
+    }
+
+    /// The integers that whole cycles of the links make (n); `None` if those of a link are not known.
+    pub fn integers_of(
+        &self,
+        links: &[Link],
+        cycles: impl Fn(&Link) -> Option<f64>,
+    ) -> Option<Vec<f64>> {
+        let of_phases = self.phases.iter().flat_map(|phases| {
+            phases.combinations.iter().map(|combination| {
+                let term = |(edge, sign): &(usize, f64)| {
+                    let link = &links[phases.first_link + edge];
+                    Some(sign * (cycles(link)? - link.whole_cycles))
+                };
+                combination.iter().map(term).sum::<Option<f64>>()
+            })
+        });
+        of_phases.collect()
+    }
+
+    /// How far these corrections are from those of code alone (with what earlier epochs know):
+    /// `(x − x̂)ᵀ Q_x̂⁻¹ (x − x̂)`; `None` if the covariance is singular.
+    #[must_use]
+    pub fn squared_distance(&self, correction_m: &DVector<f64>) -> Option<f64> {
+        let off = correction_m - &self.correction_m;
+        let factor = self.covariance_m2.clone().cholesky()?;
+        Some(off.dot(&factor.solve(&off)))
+    }
+
+    /// Whether earlier epochs enter.
+    #[must_use]
+    pub fn is_recursive(&self) -> bool {
+        self.memory.is_some()
+    }
+
     /// Baselines given integer ambiguities (n, cycles): code and phases together,
     /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`; `None` if that is singular.
     #[must_use]
@@ -338,7 +456,7 @@ impl FloatSolution {
             });
             first += count;
             let whitened = phases.factor.l_dirty().solve_lower_triangular(&range_m)?;
-            right.gemv_tr(1.0 / self.factors.phase, &phases.whitened_design, &whitened, 1.0);
+            right.gemv_tr(1.0, &phases.whitened_design, &whitened, 1.0);
             ranges_m.push(range_m);
         }
         if let Some(memory) = &self.memory {
@@ -359,34 +477,29 @@ impl FloatSolution {
             correction_m,
             covariance_m2,
             phase_fit: Fit {
-                sum: phase_sum / self.factors.phase,
-                freedom: first.saturating_sub(unknowns),
+                sum: phase_sum,
+                degrees_of_freedom: first.saturating_sub(unknowns),
             },
             residual_rms_m: (residual_squares / first.max(1) as f64).sqrt(),
         })
     }
 }
 
-impl Whitened {
-    fn new(factor: &Cholesky<f64, Dyn>, design: &DMatrix<f64>, misclosure: &DVector<f64>) -> Self {
-        let mut whitened = Self { design: design.clone(), misclosure: misclosure.clone() };
-        factor.l_dirty().solve_lower_triangular_mut(&mut whitened.design);
-        factor.l_dirty().solve_lower_triangular_mut(&mut whitened.misclosure);
-        whitened
-    }
-}
-
 /// Whitened code double differences of one group.
-fn whitened_code(
+fn group_codes(
     links: &[Link],
+    first_link: usize,
     unknowns: usize,
     block: impl Fn(usize) -> Option<usize>,
-) -> Option<Whitened> {
-    let rows = combinations(links, |link| link.code_m.is_some());
-    let q = covariance(&rows, |edge| links[edge].variances.code_m2);
-    let factor = q.cholesky().filter(|_| !rows.is_empty())?;
-    let (design, misclosure) = equations(links, &rows, unknowns, block, |link| link.code_m);
-    Some(Whitened::new(&factor, &design, &misclosure))
+) -> Option<Codes> {
+    let combinations = combinations(links, |link| link.code_m.is_some());
+    let q = covariance(&combinations, |edge| links[edge].variances.code_m2);
+    let factor = q.cholesky().filter(|_| !combinations.is_empty())?;
+    let (mut design, mut misclosure) =
+        equations(links, &combinations, unknowns, block, |link| link.code_m);
+    factor.l_dirty().solve_lower_triangular_mut(&mut design);
+    factor.l_dirty().solve_lower_triangular_mut(&mut misclosure);
+    Some(Codes { factor, design, misclosure, combinations, first_link })
 }
 
 /// Phase double differences of one group.
@@ -416,6 +529,24 @@ fn group_phases(
         own,
         first_link,
     })
+}
+
+/// Appends `Dᵀ w` for the links that the combinations `D` contain, sorted.
+fn spread(
+    combinations: &[Combination],
+    first_link: usize,
+    weights: &DVector<f64>,
+    links: &mut Vec<(usize, f64)>,
+) {
+    let last = combinations.iter().flatten().map(|(edge, _)| *edge).max();
+    let mut sums = vec![None; last.map_or(0, |last| last + 1)];
+    for (row, weight) in combinations.iter().zip(weights.iter()) {
+        for (edge, sign) in row {
+            *sums[*edge].get_or_insert(0.0) += sign * weight;
+        }
+    }
+    let found = sums.iter().enumerate().filter_map(|(edge, sum)| Some((first_link + edge, (*sum)?)));
+    links.extend(found);
 }
 
 fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {

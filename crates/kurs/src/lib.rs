@@ -36,6 +36,7 @@ pub mod cycle_slip;
 
 pub mod difference;
 
+pub mod link_noise;
 pub mod float_solution;
 
 pub mod signal_residuals;

@@ -34,6 +34,12 @@ pub struct Link {
     pub wavelength_m: f64,
     /// Variances of the two.
     pub variances: Variances,
+    /// Carrier-to-noise density ratio, dB-Hz.
+    pub cn0_dbhz: Option<f64>,
+    /// What is missing of it for want of a free view of the satellite, dB ([`crate::link_noise`]).
+    pub missing_db: f64,
+    /// Bands of the satellite that the antenna observes.
+    pub bands: usize,
     /// Derivative of the computed value by the antenna's position, ECEF.
     pub gradient: Vector3<f64>,
     /// Azimuth of the satellite.
@@ -127,6 +133,9 @@ pub fn links(
                 common_sd_cycles: noise.common_cycles(wavelength_m),
                 wavelength_m,
                 variances: noise.variances(band, elevation_rad, observation.cn0_dbhz),
+                cn0_dbhz: observation.cn0_dbhz,
+                missing_db: 0.0,
+                bands: 1,
                 gradient,
                 azimuth_rad,
                 elevation_rad,

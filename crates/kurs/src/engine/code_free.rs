@@ -27,7 +27,7 @@ const HORIZON: f64 = 50.0;
 /// Whether the code of the epoch contradicts itself too much to be of use.
 pub(super) fn code_is_useless(float: &FloatSolution) -> bool {
     let fit = float.code_fit;
-    fit.freedom >= MIN_FREEDOM && fit.unit_weight() > USELESS
+    fit.degrees_of_freedom >= MIN_FREEDOM && fit.unit_weight() > USELESS
 }
 
 /// The search over the sphere, with the memory of its success rate.
@@ -90,8 +90,7 @@ fn phase_model(float: &FloatSolution, approximate_m: Vector3<f64>) -> Option<Pha
         model.phases_m.rows_mut(first, rows).copy_from(&range_m);
         model.wavelengths_m.rows_mut(first, rows).copy_from(group.wavelengths_m);
         model.design.rows_mut(first, rows).copy_from(group.design);
-        let block = group.covariance_m2 * group.variance_factor;
-        model.covariance_m2.view_mut((first, first), (rows, rows)).copy_from(&block);
+        model.covariance_m2.view_mut((first, first), (rows, rows)).copy_from(group.covariance_m2);
         first += rows;
     }
     Some(model)

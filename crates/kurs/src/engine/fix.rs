@@ -6,20 +6,24 @@ use nalgebra::DVector;
 
 use crate::baseline::Baselines;
 use crate::difference::Link;
-use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat, VarianceFactors};
+use crate::float_solution::{Conditional, Fit, FloatSolution, NoFloat};
+use crate::link_noise;
 use crate::solution::Reason;
 use crate::time::GpsTime;
 
 use super::locate::CommonFrame;
-use super::noise_scale::{Independence, NoiseScale};
+use super::likelihood::Known;
+use super::noise_levels::NoiseLevels;
 use super::search::{Found, Problem, Searches};
 use super::settings::Settings;
 
+/// Outliers of the code hide each other; after two rounds hardly any is left.
+const MAX_REWEIGHTINGS: usize = 2;
 /// Integers that beat all others by this ratio teach the phase noise, even while the noise level is
 /// too uncertain to accept them.
 const CLEAR_RATIO: f64 = 3.0;
 /// Models that are right more often than this choose no integers by chance.
-const STRONG_MODEL: f64 = 0.999;
+const STRONG_MODEL: f64 = 0.9999;
 /// Baselines that stay less certain than this, although the integers are known, have a geometry so
 /// poor that other integers fit as well, m.
 const MAX_FIXED_SD_M: f64 = 0.3;
@@ -91,11 +95,7 @@ pub(super) struct Outcome {
 #[derive(Debug, Default)]
 pub(super) struct Fixer {
     pub(super) searches: Searches,
-    code: NoiseScale,
-    phase: NoiseScale,
-    independence: Independence,
-    /// Of the epoch, beside those before.
-    weight: f64,
+    pub(super) levels: NoiseLevels,
     pub(super) time: GpsTime,
     /// The last trial without code found nothing; until then none is worth its time.
     pub(super) no_trial_without_code_until: GpsTime,
@@ -104,26 +104,27 @@ pub(super) struct Fixer {
 impl Fixer {
     /// Begins the epoch at `time`.
     pub(super) fn begin(&mut self, time: GpsTime) {
-        self.weight = self.independence.weight(time);
+        self.levels.begin(time);
         self.time = time;
     }
 
     /// Float solution with the noise level of the session, which learns from its code residuals.
     pub(super) fn float(
         &mut self,
-        links: &[Link],
+        links: &mut [Link],
         groups: &[Range<usize>],
         frame: &CommonFrame,
     ) -> Result<FloatSolution, NoFloat> {
         let rovers: Vec<usize> = frame.rovers().collect();
-        FloatSolution::solve(links, groups, frame.reference, &rovers, |code_fit| {
-            self.code.learn(code_fit, 1.0, self.weight);
-            self.noise()
-        })
-    }
-
-    pub(super) fn noise(&self) -> VarianceFactors {
-        VarianceFactors { code: self.code.variance_factor(), phase: self.phase.variance_factor() }
+        let mut float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+        for _ in 0..MAX_REWEIGHTINGS {
+            let squares = float.code_squares(links);
+            if !link_noise::weigh_code_outliers(links, &squares) {
+                break;
+            }
+            float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+        }
+        Ok(float)
     }
 
     /// Searches the integers of the epoch under the constraint in force, and judges them: of its fixes
@@ -160,22 +161,26 @@ impl Fixer {
         settings: &'a Settings,
         rate: f64,
     ) -> Problem<'a> {
-        let (noise, noise_freedom) = (self.noise(), self.code.freedom());
-        Problem { float, links, frame, settings, rate, noise, noise_freedom }
+        let known = Known {
+            code: self.levels.code_degrees_of_freedom(),
+            phase: self.levels.phase_degrees_of_freedom(),
+        };
+        Problem { float, links, frame, settings, rate, known }
     }
 
     /// The noise level of the phases learns from what became of the epoch. (The test of the residuals
     /// may have refused it just because the level is not known yet.)
-    pub(super) fn learn_from(&mut self, outcome: &Outcome) {
-        if !outcome.is_clear {
+    pub(super) fn learn_from(&mut self, outcome: &Outcome, float: &FloatSolution, links: &[Link]) {
+        let strong = outcome.success_rate.is_some_and(|rate| rate > STRONG_MODEL);
+        if !outcome.is_clear || !strong {
             return;
         }
-        let applied = self.phase.variance_factor();
-        if outcome.success_rate.is_some_and(|rate| rate > STRONG_MODEL) {
-            self.phase.learn(outcome.phase_fit, applied, self.weight);
-        } else {
-            self.phase.learn_from_chosen(outcome.phase_fit, applied, self.weight);
-        }
+        let Some((integers, _)) = &outcome.best else { return };
+        let fits: Vec<_> = float
+            .phase_fits(integers, &outcome.correction_m)
+            .map(|(first, fit)| (links[first], fit))
+            .collect();
+        self.levels.learn_phase(&fits, outcome.phase_fit.degrees_of_freedom);
     }
 }
 
@@ -223,6 +228,7 @@ impl Outcome {
         }
         self.phase_fit = conditional.phase_fit;
         self.is_clear = found.rivals <= rate || found.ratio >= CLEAR_RATIO;
+        self.correction_m = conditional.correction_m.clone();
         if found.rivals > rate {
             let weak = found.success_rate < MIN_SUCCESS;
             self.verdict = Verdict::Float(if weak { Reason::SuccessRate } else { Reason::Ratio });

@@ -5,7 +5,8 @@ mod code_free;
 mod fix;
 mod locate;
 mod misfit;
-mod noise_scale;
+mod likelihood;
+mod noise_levels;
 mod orientation;
 mod partial;
 mod predicted_attitude;
@@ -48,6 +49,7 @@ pub struct Engine {
     navigation: NavigationData,
     located: Vec<Located>,
     links: Vec<Link>,
+    link_noise: crate::link_noise::LinkNoise,
     /// Arcs of continuous phase and what is known of their ambiguities; not in use where each epoch
     /// stands alone.
     carried: Option<(Continuity, RecursiveFloat)>,
@@ -81,6 +83,7 @@ impl Engine {
             navigation,
             located: Vec::new(),
             links: Vec::new(),
+            link_noise: Default::default(),
             fixer: Fixer::default(),
             channel_biases: ChannelBiases::default(),
             mean_misfit: MeanMisfit::default(),
@@ -217,7 +220,7 @@ impl Engine {
             (self.links, groups) = (part.links, part.groups);
             (float, outcome) = (part.float, part.outcome);
         }
-        self.fixer.learn_from(&outcome);
+        self.fixer.learn_from(&outcome, &float, &self.links);
         let predicted = predicted.and_then(|p| p.baselines(&float, &frame.horizon, &self.settings));
         let decided = self.decide(predicted.as_ref(), outcome.verdict, &float, &frame);
         let is_decided = decided.is_some();
@@ -271,15 +274,28 @@ impl Engine {
         epoch: &ArrayEpoch,
         row: &mut EpochSolution,
     ) -> Result<(CommonFrame, Vec<Range<usize>>, FloatSolution), Reason> {
+        let mut relearnt = false;
         loop {
             let frame = locate::common_frame(&self.located)?;
             self.form_links(epoch, &frame);
             self.take_out_channel_biases(frame.reference);
             self.align_phases();
             let groups = difference::group(&mut self.links);
+            self.fixer.levels.apply(&mut self.links);
+            self.link_noise.apply(&mut self.links, &groups);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&self.links));
-            match self.fixer.float(&self.links, &groups, &frame) {
-                Ok(float) => return Ok((frame, groups, float)),
+            match self.fixer.float(&mut self.links, &groups, &frame) {
+                Ok(float) => {
+                    let young = self.fixer.levels.is_young();
+                    if !relearnt {
+                        self.fixer.levels.learn_code(&float, &self.links);
+                    }
+                    if young && !relearnt {
+                        relearnt = true;
+                        continue;
+                    }
+                    return Ok((frame, groups, float));
+                }
                 Err(NoFloat::Undetermined { .. } | NoFloat::NoCommonSatellites)
                     if self.located.len() <= 2 =>
                 {

@@ -45,7 +45,7 @@ fn fits_better(part: &Fit, whole: &Fit) -> bool {
 
 /// Probability of phases that fit as badly as these or worse, with noise of so many times the variance.
 fn plausibility(fit: &Fit, level: f64) -> f64 {
-    if fit.freedom == 0 { 1.0 } else { chi_square_tail(fit.sum / level, fit.freedom) }
+    if fit.degrees_of_freedom == 0 { 1.0 } else { chi_square_tail(fit.sum / level, fit.degrees_of_freedom) }
 }
 
 impl Fixer {
@@ -124,9 +124,7 @@ impl Fixer {
     ) -> Option<Part> {
         let groups = difference::group(&mut links);
         let rovers: Vec<usize> = frame.rovers().collect();
-        let noise = self.noise();
-        let float =
-            FloatSolution::solve(&links, &groups, frame.reference, &rovers, |_| noise).ok()?;
+        let float = FloatSolution::solve(&links, &groups, frame.reference, &rovers).ok()?;
         let float = if left_out == LeftOut::Code { float.without_code() } else { float };
         let outcome = self.fix(&float, &links, frame, settings, rate);
         let fixed = outcome.verdict == Verdict::Fixed;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::ambiguity::array_constrained::ArrayConstrained;
+use crate::ambiguity::array_constrained::{ArrayCandidate, ArrayConstrained};
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::search::IntegerLeastSquares;
 use crate::ambiguity::sphere::Length;
@@ -10,10 +10,11 @@ use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
 use crate::array::AntennaArray;
 use crate::difference::{self, Link};
-use crate::float_solution::{Conditional, FloatSolution, VarianceFactors};
+use crate::float_solution::{Conditional, FloatSolution};
 use crate::solution::Reason;
 
 use super::code_free::CodeFree;
+use super::likelihood::{Known, Likelihood};
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
 
@@ -25,9 +26,6 @@ const ARRAY_CANDIDATES: usize = 2;
 const ARRAY_NODES: usize = 4_000;
 /// Rivals of an array that cost more than the best by more than this are not looked for.
 const ARRAY_HORIZON: f64 = 30.0;
-/// Degrees of freedom that the session's noise level counts for against the residuals of the epoch:
-/// never more than this, because multipath changes from satellite to satellite and with time.
-const MAX_PRIOR_FREEDOM: f64 = 100.0;
 /// Integers of baselines that leave more than this, in cycles, around a triangle of antennas do not
 /// close.
 const MAX_CLOSURE_CYCLES: f64 = 0.25;
@@ -41,15 +39,17 @@ pub(super) struct Problem<'a> {
     pub(super) settings: &'a Settings,
     /// Share of the fixes that may be wrong.
     pub(super) rate: f64,
-    /// The session's noise level, and the degrees of freedom that of the code is known with.
-    pub(super) noise: VarianceFactors,
-    pub(super) noise_freedom: f64,
+    /// How well the noise levels of the session are known.
+    pub(super) known: Known,
 }
 
 /// The best integers and how they stand against the others.
 pub(super) struct Found {
     /// In the order of the float solution's ambiguities, cycles.
     pub(super) integers: Vec<f64>,
+    /// What they cost, and how many degrees of freedom that has if they are right.
+    pub(super) cost: f64,
+    pub(super) degrees_of_freedom: usize,
     /// Second-best over best cost.
     pub(super) ratio: f64,
     /// Probability of the other candidates over that of the best.
@@ -92,7 +92,7 @@ impl Searches {
     /// The reason why there are none.
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
         match (problem.settings.constraint, &problem.settings.array) {
-            (Constraint::Length, Some(array)) => self.with_lengths(problem, array),
+            (Constraint::Length, Some(array)) => self.lengths_or_free(problem, array),
             // Without code the search of the array has no end; the checks come after.
             (Constraint::Array, Some(array)) if problem.float.is_without_code() => {
                 self.with_lengths(problem, array)
@@ -122,11 +122,11 @@ impl Searches {
             .free
             .solve(float.ambiguities_cycles.as_slice(), &float.ambiguity_covariance, CANDIDATES)
             .map_err(reason)?;
-        let costs: Vec<f64> = candidates.iter().map(|c| c.squared_distance).collect();
         let variances = self.free.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
-        let best = candidates.first().ok_or(Reason::WeakModel)?;
-        problem.weigh(float, &best.integers, &costs, self.free.proven_to(), rate)
+        let list: Vec<_> =
+            candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
+        problem.weigh(float, &list, self.free.proven_to(), rate, 0)
     }
 
     /// All baselines together, as the known array turned by one rotation.
@@ -151,15 +151,21 @@ impl Searches {
             .array
             .solve(mixed, &ambiguities_of, &body_m, problem.settings.array_sd_m, ARRAY_CANDIDATES)
             .map_err(reason)?;
-        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
         let variances = self.array.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
-        let best = candidates.first().ok_or(Reason::WeakModel)?;
-        let mut integers = vec![0; order.len()];
-        for (row, integer) in order.iter().zip(&best.integers) {
-            integers[*row] = *integer;
-        }
-        problem.weigh(float, &integers, &costs, self.array.proven_to(), rate)
+        let in_place = |candidate: &ArrayCandidate| {
+            let mut integers = vec![0; order.len()];
+            for (row, integer) in order.iter().zip(&candidate.integers) {
+                integers[*row] = *integer;
+            }
+            integers
+        };
+        let integers: Vec<Vec<i64>> = candidates.iter().map(in_place).collect();
+        let costs = candidates.iter().map(|c| c.cost);
+        let list: Vec<_> = integers.iter().map(Vec::as_slice).zip(costs).collect();
+        // The attitude remains of the baselines' coordinates.
+        let constrained = (3 * body_m.len()).saturating_sub(3).max(1);
+        problem.weigh(float, &list, self.array.proven_to(), rate, constrained)
     }
 
     /// Where the search of the array finds no end, integers that are sure without it: of all baselines
@@ -178,6 +184,17 @@ impl Searches {
         self.with_lengths(problem, array).ok().filter(sure).ok_or(reason)
     }
 
+    /// Lengths of several baselines are searched each by itself, and lose what ties them together: what is
+    /// sure without them stays so.
+    fn lengths_or_free(&mut self, problem: &Problem, array: &AntennaArray) -> Result<Found, Reason> {
+        let lengths = self.with_lengths(problem, array);
+        let sure = |found: &Found| found.rivals <= problem.rate && found.close;
+        if problem.float.rovers.len() < 2 || lengths.as_ref().is_ok_and(sure) {
+            return lengths;
+        }
+        self.without_constraint(problem).ok().filter(sure).map_or(lengths, Ok)
+    }
+
     /// Each baseline by itself with its known length; the joint ambiguities follow from the
     /// baselines, which are then known to millimetres.
     fn with_lengths(&mut self, problem: &Problem, array: &AntennaArray) -> Result<Found, Reason> {
@@ -194,6 +211,8 @@ impl Searches {
         }
         let mut joint = Found {
             integers: Vec::new(),
+            cost: 0.0,
+            degrees_of_freedom: 0,
             ratio: f64::INFINITY,
             rivals: 0.0,
             success_rate: 1.0,
@@ -208,15 +227,15 @@ impl Searches {
                 .copied()
                 .collect();
             let groups = difference::group(&mut of_pair);
-            let noise = problem.noise;
-            let pair =
-                FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover], |_| noise)
-                    .map_err(|_| Reason::FewSatellites)?;
+            let pair = FloatSolution::solve(&of_pair, &groups, float.reference, &[*rover])
+                .map_err(|_| Reason::FewSatellites)?;
             let pair = if float.is_without_code() { pair.without_code() } else { pair };
             let approximate_m = frame.approximate_m[block].xyz();
             let (found, conditional) =
                 self.one_length(problem, &pair, approximate_m, length(*rover))?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
+            joint.cost += found.cost;
+            joint.degrees_of_freedom += found.degrees_of_freedom;
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
             joint.success_rate *= found.success_rate;
@@ -244,10 +263,9 @@ impl Searches {
             let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
             (candidates, self.length.proven_to(), self.length.decorrelation())
         };
-        let costs: Vec<f64> = candidates.iter().map(|c| c.cost).collect();
         let rate = bootstrapped_success_rate(decorrelation.conditional_variances());
-        let best = candidates.first().ok_or(Reason::WeakModel)?;
-        let found = problem.weigh(float, &best.integers, &costs, proven_to, rate)?;
+        let list: Vec<_> = candidates.iter().map(|c| (c.integers.as_slice(), c.cost)).collect();
+        let found = problem.weigh(float, &list, proven_to, rate, 1)?;
         let conditional = float.conditional(&found.integers).ok_or(Reason::WeakModel)?;
         Ok((found, conditional))
     }
@@ -255,29 +273,23 @@ impl Searches {
 
 impl Problem<'_> {
     /// Weighs the candidates (cheapest first) of a float solution against each other; all that were
-    /// not found cost `proven_to` or more.
-    ///
-    /// With Gaussian noise of a level that is itself uncertain (inverse-gamma, `ν` degrees of
-    /// freedom around the session's level), a candidate with the total cost `q` of `f` degrees of
-    /// freedom has a likelihood ∝ `(ν + q)^{−(ν + f)/2}`.
+    /// not found cost `proven_to` or more. The constraint fixes `constrained` coordinates.
     fn weigh(
         &self,
         float: &FloatSolution,
-        integers: &[i64],
-        costs: &[f64],
+        candidates: &[(&[i64], f64)],
         proven_to: f64,
         success_rate: f64,
+        constrained: usize,
     ) -> Result<Found, Reason> {
-        let [best, others @ ..] = costs else { return Err(Reason::WeakModel) };
-        let prior = self.noise_freedom.min(MAX_PRIOR_FREEDOM);
-        let freedom = (float.code_fit.freedom + float.ambiguities_cycles.len()) as f64;
-        let total = |cost: &f64| prior + float.code_fit.sum + cost;
-        let likelihood = |cost: &f64| (total(cost) / total(best)).powf(-0.5 * (prior + freedom));
+        let [(integers, cost), others @ ..] = candidates else { return Err(Reason::WeakModel) };
+        let likelihood = Likelihood::new(float, self.known, constrained);
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
-            ratio: others.first().unwrap_or(&proven_to) / best.max(1e-12),
-            // What was not found costs at least `proven_to`: it counts as one more rival.
-            rivals: others.iter().chain([&proven_to]).map(likelihood).sum(),
+            cost: *cost,
+            degrees_of_freedom: integers.len() + constrained,
+            ratio: others.first().map_or(proven_to, |(_, cost)| *cost) / cost.max(1e-12),
+            rivals: likelihood.rivals(float, candidates.iter().copied(), proven_to),
             success_rate,
             close: true,
         })

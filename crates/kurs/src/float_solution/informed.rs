@@ -43,7 +43,7 @@ impl FloatSolution {
             cross_covariance: &self.cross_covariance - x_seen.tr_mul(&a_solved),
             code_fit: Fit {
                 sum: self.code_fit.sum + innovation_m.dot(&weighted),
-                freedom: self.code_fit.freedom + innovation_m.len(),
+                degrees_of_freedom: self.code_fit.degrees_of_freedom + innovation_m.len(),
             },
             conditional_normal: &self.conditional_normal
                 + directions * v.solve(&directions.transpose()),

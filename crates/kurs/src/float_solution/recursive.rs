@@ -263,7 +263,6 @@ impl RecursiveFloat {
         let mut news = Information::nothing(self.information.unknowns());
         news.matrix.view_mut((0, 0), (baselines, baselines)).copy_from(&epoch.conditional_normal);
         news.vector.rows_mut(0, baselines).copy_from(&epoch.code_right);
-        let weight = 1.0 / epoch.factors.phase;
         let mut own = Vec::with_capacity(epoch.ambiguities_cycles.len());
         for phases in &epoch.phases {
             let used = phases.used_links();
@@ -283,9 +282,9 @@ impl RecursiveFloat {
             let mut misclosure_m = phases.misclosure_m.clone();
             phases.factor.l_dirty().solve_lower_triangular_mut(&mut design);
             phases.factor.l_dirty().solve_lower_triangular_mut(&mut misclosure_m);
-            let cross = phases.whitened_design.tr_mul(&design) * weight;
-            let normal = design.tr_mul(&design) * weight;
-            let right = design.tr_mul(&misclosure_m) * weight;
+            let cross = phases.whitened_design.tr_mul(&design);
+            let normal = design.tr_mul(&design);
+            let right = design.tr_mul(&misclosure_m);
             for (i, unknown) in unknowns.iter().enumerate() {
                 for x in 0..baselines {
                     news.matrix[(x, *unknown)] += cross[(x, i)];
@@ -296,7 +295,7 @@ impl RecursiveFloat {
                 }
                 news.vector[*unknown] += right[i];
             }
-            let baseline_right = phases.whitened_design.tr_mul(&misclosure_m) * weight;
+            let baseline_right = phases.whitened_design.tr_mul(&misclosure_m);
             let mut first = news.vector.rows_mut(0, baselines);
             first += baseline_right;
         }

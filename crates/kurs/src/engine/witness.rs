@@ -1,0 +1,201 @@
+//! Memory as a witness: within an arc without a slip the whole cycles of a phase are one constant, so the integers
+//! of two accepted epochs must agree.
+//!
+//! An epoch's integers say the whole cycles `N` of its links up to a number for each receiver and each satellite.
+//! Two epochs agree if every double difference of `N − N′` over the links whose arcs go on is zero. An epoch that
+//! agrees with an accepted one before is proven by it. An epoch that does not contradicts it, and neither
+//! is believed until the next accepted epoch sides with one of them – unless all but the links of one
+//! satellite at one antenna agree: then that phase slipped unseen. An epoch whose model is weak, and that nothing
+//! confirms yet, is not believed alone.
+//!
+//! The memory never helps to find integers (no fix-and-hold): it only speaks for or against those that an
+//! epoch found by itself.
+
+use std::ops::Range;
+
+use crate::cycle_slip::Continuity;
+use crate::difference::{Link, combinations};
+use crate::signal::{Satellite, Signal};
+
+/// Double differences that two epochs must have in common to testify to each other: three determine a
+/// baseline, the others are free to disagree.
+const MIN_COMMON: usize = 4;
+
+/// The whole cycles of one link in an accepted epoch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Held {
+    signal: Signal,
+    satellite: Satellite,
+    antenna: usize,
+    arc: u32,
+    cycles: f64,
+}
+
+impl Held {
+    fn key(&self) -> (Signal, Satellite, usize) {
+        (self.signal, self.satellite, self.antenna)
+    }
+}
+
+/// What the epochs before say of the integers of this one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Testimony {
+    /// Nothing: too few arcs go on.
+    Silent,
+    /// They are the same.
+    Agrees,
+    /// They are others.
+    Contradicts,
+}
+
+/// The accepted integers of the arcs that go on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Witness {
+    /// Sorted by key.
+    held: Vec<Held>,
+    /// Independent epochs that agreed with `held`.
+    agreements: f64,
+    /// Integers that contradicted it last.
+    challenger: Vec<Held>,
+}
+
+/// An epoch's integers as whole cycles of its links.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Claim<'a> {
+    pub(super) links: &'a [Link],
+    pub(super) groups: &'a [Range<usize>],
+    /// As `FloatSolution::whole_cycles`.
+    pub(super) cycles: &'a [Option<f64>],
+    pub(super) continuity: &'a Continuity,
+}
+
+impl Claim<'_> {
+    fn arc(&self, link: &Link) -> u32 {
+        self.continuity.number(link.antenna, link.satellite, link.signal)
+    }
+
+    fn held(&self) -> Vec<Held> {
+        let of_link = |(link, cycles): (&Link, &Option<f64>)| {
+            let Link { signal, satellite, antenna, .. } = *link;
+            Some(Held { signal, satellite, antenna, arc: self.arc(link), cycles: (*cycles)? })
+        };
+        let mut held: Vec<Held> = self.links.iter().zip(self.cycles).filter_map(of_link).collect();
+        held.sort_by_key(Held::key);
+        held
+    }
+
+    /// Departures `N − N′` of each link from what is held of its arc.
+    fn departures(&self, held: &[Held]) -> Vec<Option<f64>> {
+        let of_link = |(link, cycles): (&Link, &Option<f64>)| {
+            let before = lookup(held, link, self.arc(link))?;
+            Some((*cycles)? - before)
+        };
+        self.links.iter().zip(self.cycles).map(of_link).collect()
+    }
+
+    /// Double differences of the departures in common, and how many are not zero, without the links of
+    /// one satellite at one antenna.
+    fn compare(
+        &self,
+        departures: &[Option<f64>],
+        without: Option<(usize, Satellite)>,
+    ) -> (usize, usize) {
+        let (mut common, mut different) = (0, 0);
+        for group in self.groups {
+            let links = &self.links[group.clone()];
+            let of_group = &departures[group.clone()];
+            let first = links.as_ptr_range().start;
+            let index = |link: &Link| {
+                links.iter().position(|other| core::ptr::eq(other, link)).unwrap_or(0)
+            };
+            let _ = first;
+            let usable = |link: &Link| {
+                of_group[index(link)].is_some() && without != Some((link.antenna, link.satellite))
+            };
+            for row in combinations(links, usable) {
+                let sum: f64 = row.iter().filter_map(|(e, s)| Some(s * of_group[*e]?)).sum();
+                common += 1;
+                different += usize::from(sum != 0.0);
+            }
+        }
+        (common, different)
+    }
+
+    fn testimony(&self, held: &[Held]) -> (Testimony, bool) {
+        let departures = self.departures(held);
+        let (common, different) = self.compare(&departures, None);
+        if common < MIN_COMMON {
+            return (Testimony::Silent, false);
+        }
+        if different == 0 {
+            return (Testimony::Agrees, false);
+        }
+        let mut suspects: Vec<(usize, Satellite)> = self
+            .links
+            .iter()
+            .zip(&departures)
+            .filter(|(_, departure)| departure.is_some())
+            .map(|(link, _)| (link.antenna, link.satellite))
+            .collect();
+        suspects.sort_unstable();
+        suspects.dedup();
+        let is_one_slip = suspects.iter().any(|suspect| {
+            let (common, different) = self.compare(&departures, Some(*suspect));
+            different == 0 && common >= MIN_COMMON
+        });
+        (Testimony::Contradicts, is_one_slip)
+    }
+}
+
+/// Whole cycles that are held of a link's arc.
+fn lookup(held: &[Held], link: &Link, arc: u32) -> Option<f64> {
+    let key = (link.signal, link.satellite, link.antenna);
+    let found = held.binary_search_by_key(&key, Held::key).ok()?;
+    (held[found].arc == arc).then_some(held[found].cycles)
+}
+
+impl Witness {
+    /// Whole cycles of a link, if enough independent epochs agreed on them: the epoch itself has not chosen
+    /// them.
+    pub(super) fn proven(&self, link: &Link, continuity: &Continuity) -> Option<f64> {
+        let arc = continuity.number(link.antenna, link.satellite, link.signal);
+        lookup(&self.held, link, arc).filter(|_| self.agreements >= 1.0)
+    }
+
+    /// Hears the accepted integers of an epoch that is `weight` of an independent one, and takes them in.
+    pub(super) fn hear(&mut self, claim: &Claim, is_strong: bool, weight: f64) -> Testimony {
+        let (testimony, is_one_slip) = claim.testimony(&self.held);
+        let now = claim.held();
+        match testimony {
+            Testimony::Agrees => {
+                self.agreements += weight;
+                self.accept(now);
+                Testimony::Agrees
+            }
+            Testimony::Silent => {
+                self.agreements = 0.0;
+                self.accept(now);
+                Testimony::Silent
+            }
+            Testimony::Contradicts if is_one_slip && is_strong => {
+                self.accept(now);
+                Testimony::Agrees
+            }
+            Testimony::Contradicts => {
+                let (with_challenger, _) = claim.testimony(&self.challenger);
+                self.agreements = 0.0;
+                if with_challenger == Testimony::Agrees {
+                    self.accept(now);
+                    return Testimony::Agrees;
+                }
+                self.challenger = now;
+                Testimony::Contradicts
+            }
+        }
+    }
+
+    fn accept(&mut self, now: Vec<Held>) {
+        self.held = now;
+        self.challenger.clear();
+    }
+}
