@@ -114,7 +114,9 @@ impl Fields<'_> {
             pitch_rad,
             roll_rad,
             covariance_rad2: covariance_deg2 * radian * radian,
+            installation_rad2: Matrix3::zeros(),
             ned_from_body: is_whole.then(|| Rotation::from_quaternion(quaternion)),
+            line_elevation_rad: angle("line_elevation_deg")?,
         }))
     }
 
