@@ -61,10 +61,9 @@ impl MeasuredLine {
 
     /// `√var ψ`, rad.
     fn unseen_sd_rad(&self, vertical: &Vertical) -> f64 {
-        let normal = self.axis.xyz().cross(&vertical.down.xyz());
-        let (c_body, c_outside) = (normal.norm(), self.direction.xyz().xy().norm());
-        let a = normal / c_body;
-        (a.dot(&(vertical.covariance_rad2 * a)) / (c_outside * c_body)).sqrt()
+        let c_body = self.axis.cross(&vertical.down).norm();
+        let c_outside = self.direction.xyz().xy().norm();
+        (vertical.variance_rad2(&self.axis) / (c_outside * c_body)).sqrt()
     }
 }
 

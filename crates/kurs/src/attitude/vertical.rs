@@ -2,15 +2,15 @@
 //!
 //! Without anything better a body is level: down is its z axis, give or take the angle that it usually
 //! rolls and pitches. Of an array that has lost antennas the last whole attitude is remembered. Its
-//! vertical ages as the body swings: with `D` the mean square by which it moved in a second so far,
+//! vertical ages as the body swings: with `D` the mean of `ΔΔᵀ`, how it moved in a second so far,
 //!
 //! ```text
-//! σ²(t) = σ₀² + D · max(t, t²)       (t in seconds)
+//! C(t) = C₀ + D · max(t, t²)       (t in seconds)
 //! ```
 //!
 //! which is right for slow swings (they go on as they began) and for fast ones (that have turned round
-//! by then). A body of which nothing was seen yet is taken to move in a second by as much as it may be
-//! off level; that stays one observation of `D`.
+//! by then). A ship rolls more than it pitches, so `D` is a matrix. A body of which nothing was seen yet
+//! is taken to move in a second by as much as it may be off level; that stays one observation of `D`.
 
 use nalgebra::{Matrix3, Matrix3x2};
 
@@ -41,8 +41,8 @@ pub struct VerticalMemory {
     last: Option<(GpsTime, Vertical)>,
     /// The one that the next is compared with.
     compared: Option<(GpsTime, Vector<Body>)>,
-    /// Faded sum of squared movements over squared lags, rad²/s², and for how many it counts.
-    swings: f64,
+    /// Faded sum of `ΔΔᵀ` over squared lags, rad²/s², and for how many it counts.
+    swings: Matrix3<f64>,
     count: f64,
 }
 
@@ -69,9 +69,10 @@ impl Vertical {
         })
     }
 
-    /// Variance of its direction, the mean of both axes, rad².
-    fn variance_rad2(&self) -> f64 {
-        self.covariance_rad2.trace() / 2.0
+    /// `aᵀ C a`, `a = e × m / ‖e × m‖`: variance of the vertical in a turn about the line `e`, rad².
+    pub(super) fn variance_rad2(&self, line: &Vector<Body>) -> f64 {
+        let a = line.cross(&self.down).direction().xyz();
+        a.dot(&(self.covariance_rad2 * a))
     }
 }
 
@@ -79,7 +80,7 @@ impl VerticalMemory {
     /// Of a body that is level give or take `level_sd_rad`.
     #[must_use]
     pub fn new(level_sd_rad: f64) -> Self {
-        Self { level_sd_rad, last: None, compared: None, swings: 0.0, count: 0.0 }
+        Self { level_sd_rad, last: None, compared: None, swings: Matrix3::zeros(), count: 0.0 }
     }
 
     /// Takes in an attitude that is sure; one from a line of antennas says nothing new.
@@ -96,23 +97,24 @@ impl VerticalMemory {
             return;
         }
         let keep = (-lag_s.abs() / FADING_S).exp();
-        let moved = (vertical.down - down_before).norm();
-        self.swings = keep * self.swings + (moved / lag_s).powi(2);
+        let rate = (vertical.down - down_before).xyz() / lag_s;
+        self.swings = keep * self.swings + rate * rate.transpose();
         self.count = keep * self.count + 1.0;
         self.compared = Some((time, vertical.down));
     }
 
-    /// What is known at a time: the last vertical with its age, or, once a level body is the better
-    /// guess, that.
+    /// What is known at a time, for a turn about the line of antennas `line` (unit vector): the last
+    /// vertical with its age, or, once a level body is the better guess, that.
     #[must_use]
-    pub fn at(&self, time: GpsTime) -> Vertical {
+    pub fn at(&self, time: GpsTime, line: &Vector<Body>) -> Vertical {
         let level = Vertical::level(self.level_sd_rad);
         let Some((then, mut vertical)) = self.last else { return level };
         let age_s = (time - then).max(0.0);
-        let swing_rad2 = (self.level_sd_rad.powi(2) + self.swings) / (1.0 + self.count);
-        let grown_rad2 = swing_rad2 * age_s.max(age_s * age_s);
-        vertical.covariance_rad2 += across(&vertical.down) * grown_rad2;
-        if vertical.variance_rad2() < level.variance_rad2() { vertical } else { level }
+        let swing_rad2 =
+            (across(&vertical.down) * self.level_sd_rad.powi(2) + self.swings) / (1.0 + self.count);
+        vertical.covariance_rad2 += swing_rad2 * age_s.max(age_s * age_s);
+        let is_better = vertical.variance_rad2(line) < level.variance_rad2(line);
+        if is_better { vertical } else { level }
     }
 }
 
@@ -149,34 +151,39 @@ mod tests {
         }
     }
 
-    /// A ship that rolls ±10° in 8 s loses its roll within seconds, a body at rest keeps it for longer;
-    /// both end at the level body.
+    /// A ship that rolls ±10° in 8 s loses its roll within a second, but not its pitch; a body at rest
+    /// keeps both for longer. All end at the level body.
     #[test]
     fn the_vertical_ages_as_the_body_swings() {
-        let lifetime_s = |amplitude_deg: f64| {
+        let lifetime_s = |amplitude_deg: f64, line: [f64; 3]| {
+            let line = Vector::from_xyz(line.into());
             let mut memory = VerticalMemory::new(5f64.to_radians());
             for second in 0..120 {
                 let phase = f64::from(second) * core::f64::consts::TAU / 8.0;
                 let roll_rad = (2.0 + amplitude_deg * phase.sin()).to_radians();
                 memory.remember(at(f64::from(second)), &attitude(0.0, roll_rad, 0.002));
             }
-            assert!(memory.at(at(119.0)).is_measured);
-            (1..600).find(|age| !memory.at(at(119.0 + f64::from(*age))).is_measured).unwrap()
+            let is_measured = |age: u32| memory.at(at(119.0 + f64::from(age)), &line).is_measured;
+            assert!(is_measured(0));
+            (1..600).find(|age| !is_measured(*age)).unwrap()
         };
+        let (forward, right) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
         // √D: 10° · 2 sin(π/8) / √2 = 5.4° a second; at rest 5° / √53, of 52 comparisons in memory.
-        assert_eq!(lifetime_s(10.0), 1);
-        assert!((8..10).contains(&lifetime_s(0.0)), "{}", lifetime_s(0.0));
+        assert_eq!(lifetime_s(10.0, forward), 1);
+        assert_eq!(lifetime_s(10.0, right), 8);
+        assert_eq!(lifetime_s(0.0, forward), 8);
     }
 
     #[test]
     fn a_line_says_nothing_new() {
         let mut memory = VerticalMemory::new(0.1);
-        assert_eq!(memory.at(at(0.0)), Vertical::level(0.1));
+        let forward = Vector::new(1.0, 0.0, 0.0);
+        assert_eq!(memory.at(at(0.0), &forward), Vertical::level(0.1));
         let line = AttitudeEstimate { line_elevation_rad: Some(0.2), ..attitude(0.2, 0.0, 0.01) };
         memory.remember(at(0.0), &line);
-        assert_eq!(memory.at(at(0.0)), Vertical::level(0.1));
+        assert_eq!(memory.at(at(0.0), &forward), Vertical::level(0.1));
         memory.remember(at(1.0), &attitude(0.2, 0.0, 0.01));
-        let found = memory.at(at(1.0));
+        let found = memory.at(at(1.0), &forward);
         assert!(found.is_measured && (found.down.xyz().x + 0.2f64.sin()).abs() < 1e-12);
     }
 }

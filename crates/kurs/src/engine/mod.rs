@@ -247,7 +247,8 @@ impl Engine {
         let known = KnownBody {
             array: self.settings.array.as_ref(),
             array_sd_m: self.settings.array_sd_m,
-            vertical: self.vertical.at(epoch.time),
+            memory: &self.vertical,
+            time: epoch.time,
             max_angle_sd_rad: self.settings.max_angle_sd_rad,
         };
         let orientation = orientation::orient(&outcome.baselines, &frame.horizon, &known);

@@ -6,12 +6,13 @@ use super::misfit::{Misfit, survey_covariance};
 
 use crate::array::{AntennaArray, Shape};
 use crate::attitude::installation::survey_turn_rad2;
-use crate::attitude::{MeasuredLine, Vertical, joint};
+use crate::attitude::{MeasuredLine, VerticalMemory, joint};
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
 use crate::frames::{Body, Ecef, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
+use crate::time::GpsTime;
 
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
@@ -26,8 +27,10 @@ pub(super) struct KnownBody<'a> {
     pub(super) array: Option<&'a AntennaArray>,
     /// Standard deviation of each of their coordinates.
     pub(super) array_sd_m: f64,
-    /// For antennas on one line: where down is on the body.
-    pub(super) vertical: Vertical,
+    /// For antennas on one line: where down was on the body,
+    pub(super) memory: &'a VerticalMemory,
+    /// and the time of the epoch.
+    pub(super) time: GpsTime,
     /// An angle less certain than this is not told.
     pub(super) max_angle_sd_rad: f64,
 }
@@ -50,14 +53,18 @@ pub(super) fn orient(
     let orientation = match known.array.and_then(|array| present_part(array, baselines)) {
         Some(part) if part.shape() == Shape::Collinear => line(baselines, horizon, &part, known),
         Some(part) => full(baselines, horizon, &part, known.array_sd_m),
-        None => of_first_baseline(baselines, horizon, &known.vertical),
+        None => of_first_baseline(baselines, horizon, known),
     };
     let certain = |attitude: AttitudeEstimate| attitude.certain_to(known.max_angle_sd_rad);
     Orientation { attitude: orientation.attitude.map(certain), ..orientation }
 }
 
 /// The first baseline as the forward axis of a body whose array nobody knows.
-fn of_first_baseline(baselines: &Baselines, horizon: &Horizon, vertical: &Vertical) -> Orientation {
+fn of_first_baseline(
+    baselines: &Baselines,
+    horizon: &Horizon,
+    known: &KnownBody<'_>,
+) -> Orientation {
     let ned_from_ecef = horizon.ned_from_ecef();
     let baseline = ned_from_ecef * baselines.vector_m(0);
     let direction = baseline.direction();
@@ -70,7 +77,8 @@ fn of_first_baseline(baselines: &Baselines, horizon: &Horizon, vertical: &Vertic
         direction,
         covariance_rad2: across * covariance_m2 * across,
     };
-    let attitude = AttitudeEstimate::of_line(&line, vertical, &Matrix3::zeros());
+    let vertical = known.memory.at(known.time, &line.axis);
+    let attitude = AttitudeEstimate::of_line(&line, &vertical, &Matrix3::zeros());
     Orientation { attitude: Ok(attitude), misfit: None }
 }
 
@@ -100,8 +108,8 @@ fn line(
         direction: ned_from_ecef * solved.direction,
         covariance_rad2: ned_from_ecef.turn_covariance(&solved.covariance_rad2),
     };
-    // Any rotation that brings the line where it is will do here.
-    let ned_from_body = line.ned_from_body(&known.vertical);
+    let vertical = known.memory.at(known.time, &line.axis);
+    let ned_from_body = line.ned_from_body(&vertical);
     let ecef_from_body = ned_from_body.map(|rotation| ned_from_ecef.inverse() * rotation);
     let installation = ecef_from_body.and_then(|rotation| {
         let (body, line) = (body_baselines(array), solved.axis.xyz());
@@ -116,7 +124,7 @@ fn line(
         Err(Reason::TwoMinima)
     } else {
         let installation = installation.unwrap_or_default();
-        Ok(AttitudeEstimate::of_line(&line, &known.vertical, &installation))
+        Ok(AttitudeEstimate::of_line(&line, &vertical, &installation))
     };
     let misfit = ecef_from_body.map(|rotation| {
         in_body_axes(baselines, array, rotation, &solved.residuals_m, known.array_sd_m)

@@ -228,7 +228,7 @@ impl Orienter {
                     direction: Vector::from_xyz(direction.unit),
                     covariance_rad2: direction.covariance_rad2,
                 };
-                let vertical = memory.at(row.time);
+                let vertical = memory.at(row.time, &line.axis);
                 let installation = line
                     .ned_from_body(&vertical)
                     .and_then(|rotation| self.survey_turn(&points, &rotation, Some(axis)));
