@@ -23,6 +23,8 @@ pub(crate) struct Summary {
     first_fix: Option<GpsTime>,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
+    /// Sum of the variances that the survey of the antennas causes in each angle, rad².
+    installation_rad2: [f64; 3],
     /// Of [`COMPONENTS`], by the antennas at the ends.
     baselines: BTreeMap<(usize, usize), [Moments; 4]>,
 }
@@ -76,6 +78,15 @@ pub(crate) struct SummaryFile<'a> {
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
+    installation_sd_deg: InstallationSd,
+}
+
+/// The part of the standard deviations that the survey of the antennas causes and that does not average.
+#[derive(Debug, Serialize)]
+struct InstallationSd {
+    heading: Option<f64>,
+    pitch: Option<f64>,
+    roll: Option<f64>,
 }
 
 impl Summary {
@@ -90,6 +101,7 @@ impl Summary {
             first: None,
             first_fix: None,
             angles: Default::default(),
+            installation_rad2: [0.0; 3],
             baselines: BTreeMap::new(),
         }
     }
@@ -114,12 +126,21 @@ impl Summary {
     }
 
     fn add_angles(&mut self, attitude: &AttitudeEstimate) {
-        let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
-        for (moments, angle) in self.angles.iter_mut().zip(angles) {
+        for (k, angle) in attitude.angles_rad().into_iter().enumerate() {
             if let Some(angle) = angle {
-                moments.add_angle_deg(angle.to_degrees());
+                self.angles[k].add_angle_deg(angle.to_degrees());
+                self.installation_rad2[k] += attitude.installation_rad2[(k, k)];
             }
         }
+    }
+
+    /// Root mean square over the fixed rows that have the angle.
+    fn installation_sd_deg(&self) -> InstallationSd {
+        let sd_deg = |k: usize| {
+            let count = self.angles[k].count;
+            (count > 0.0).then(|| (self.installation_rad2[k] / count).sqrt().to_degrees())
+        };
+        InstallationSd { heading: sd_deg(0), pitch: sd_deg(1), roll: sd_deg(2) }
     }
 
     fn add_baseline(&mut self, baseline: &BaselineEstimate) {
@@ -201,6 +222,7 @@ impl Summary {
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
+            installation_sd_deg: self.installation_sd_deg(),
         }
     }
 

@@ -46,6 +46,7 @@ const ATTITUDE: &[&str] = &[
     "qx",
     "qy",
     "qz",
+    "line_elevation_deg",
 ];
 
 const BASELINES: &[&str] = &[
@@ -232,6 +233,8 @@ pub(crate) fn write_attitude(
     for i in 0..4 {
         t.real(quaternion.map(|q| q[i]), 9);
     }
+    let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
+    t.real(line_elevation.map(f64::to_degrees), 5);
     t.end_row()
 }
 

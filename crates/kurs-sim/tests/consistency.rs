@@ -9,17 +9,21 @@ use core::ops::Range;
 
 use kurs::ambiguity::search::IntegerLeastSquares;
 use kurs::ambiguity::success_rate::bootstrapped_success_rate;
+use kurs::array::AntennaArray;
 use kurs::difference::{self, Link};
-use kurs::engine::{Constraint, Settings};
+use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::float_solution::{FloatSolution, VarianceFactors};
-use kurs::frames::Geodetic;
+use kurs::frames::{Geodetic, Vector};
 use kurs::point;
 use kurs::signal_residuals::integer_sums;
 use kurs::solution::Status;
 use kurs_sim::scenario::{MotionPlan, Scenario};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_xoshiro::Xoshiro256PlusPlus;
 use solving::{
     Integers, NOISE, TrueCycles, angle_errors, baseline_error, normalised_square, settings,
 };
@@ -68,6 +72,155 @@ fn angles_and_baselines_are_as_good_as_they_say() {
         println!("{name}: mean normalised square {mean:.3} of 3 ± {:.3}", band(fixed));
         assert!((mean - 3.0).abs() < band(fixed), "{name}: {mean}");
     }
+}
+
+/// Antennas surveyed to 5 mm and to 2 cm, each session with errors of its own: over sessions the errors
+/// of the angles are as large as the covariance says, and most of it is the installation's.
+#[test]
+fn the_survey_is_in_the_covariance() {
+    const SESSIONS: usize = 200;
+    for array_sd_m in [0.005, 0.02] {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(34);
+        let (mut sum, mut fixed, mut installation) = (0.0, 0, 0.0);
+        for seed in 0..SESSIONS {
+            let scenario = roof(3400 + seed as u64, 1);
+            let exact = settings(&scenario, Constraint::None);
+            let places = exact.array.as_ref().unwrap().positions_m().iter().map(|place| {
+                let error = Vector3::from_fn(|_, _| random.sample::<f64, _>(StandardNormal));
+                *place + Vector::from_xyz(error * array_sd_m)
+            });
+            let array = Some(AntennaArray::new(places.collect()).unwrap());
+            solving::solve(scenario, Settings { array, array_sd_m, ..exact }, |truth, row, _| {
+                if row.status != Status::Fixed {
+                    return;
+                }
+                let attitude = row.attitude.as_ref().unwrap();
+                let error = angle_errors(truth, row).unwrap();
+                sum += normalised_square(&error, &attitude.covariance_rad2);
+                installation +=
+                    attitude.installation_rad2.trace() / attitude.covariance_rad2.trace();
+                fixed += 1;
+            });
+        }
+        assert!(fixed * 100 >= 95 * SESSIONS, "{fixed} of {SESSIONS} fixed");
+        let (mean, share) = (sum / fixed as f64, installation / fixed as f64);
+        println!("survey to {array_sd_m} m: {mean:.3} of 3 ± {:.3}, share {share:.2}", band(fixed));
+        assert!((mean - 3.0).abs() < band(fixed), "{mean}");
+        assert!(share > 0.5 && share < 1.0, "{share}");
+    }
+}
+
+/// Two antennas in all directions on a body that stands askew, by 5° at random in roll and in pitch:
+/// whatever angles are told, their errors are as large as they say. The square of a heading that hangs
+/// on the square of the roll has a variance of 10 at most.
+#[test]
+fn two_antennas_know_what_they_cannot_see() {
+    const SESSIONS: usize = 150;
+    let lines: [([f64; 3], [bool; 3]); 6] = [
+        ([1.0, 0.0, 0.0], [true, true, false]),
+        ([0.0, 1.2, 0.0], [true, false, true]),
+        ([0.2, 1.2, 0.0], [true, false, true]),
+        ([1.0, 1.0, 0.0], [true, false, false]),
+        ([1.0, 0.0, -0.25], [true, true, false]),
+        ([42.0, 0.0, -2.0], [true, true, false]),
+    ];
+    for (line, seen) in lines {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(31);
+        let mut squares = [(0.0, 0usize); 3];
+        for seed in 0..SESSIONS {
+            let mut scenario = roof(3100 + seed as u64, 1);
+            scenario.body[0].antenna.truncate(2);
+            scenario.body[0].antenna[1].position_m = line;
+            if let MotionPlan::Static { pitch_deg, roll_deg, .. } = &mut scenario.body[0].motion {
+                *pitch_deg = 5.0 * random.sample::<f64, _>(StandardNormal);
+                *roll_deg = 5.0 * random.sample::<f64, _>(StandardNormal);
+            }
+            let known = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Length) };
+            solving::solve(scenario, known, |truth, row, _| {
+                if row.status != Status::Fixed {
+                    return;
+                }
+                let attitude = row.attitude.as_ref().unwrap();
+                assert_eq!(attitude.angles_rad().map(|angle| angle.is_some()), seen, "{line:?}");
+                assert!(attitude.ned_from_body.is_none() && attitude.line_elevation_rad.is_some());
+                let wanted = &truth.attitude;
+                let wanted = [wanted.heading_rad, wanted.pitch_rad, wanted.roll_rad];
+                for (k, angle) in attitude.angles_rad().into_iter().enumerate() {
+                    let Some(angle) = angle else { continue };
+                    let error = (angle - wanted[k]).sin();
+                    squares[k].0 += error * error / attitude.covariance_rad2[(k, k)];
+                    squares[k].1 += 1;
+                }
+            });
+        }
+        for (k, (sum, count)) in squares.into_iter().enumerate().filter(|(_, s)| s.1 > 0) {
+            let (mean, band) = (sum / count as f64, SIGMAS * (10.0 / count as f64).sqrt());
+            println!("{line:?}, angle {k}: {mean:.3} of 1 ± {band:.3}, {count} fixed");
+            assert!(count * 100 >= 90 * SESSIONS, "{count} of {SESSIONS} fixed");
+            assert!((mean - 1.0).abs() < band, "{line:?}, angle {k}: {mean} ± {band}");
+        }
+    }
+}
+
+/// The antenna ahead of a rolling ship is silent for 30 s: the pair that is left lies across the body.
+/// The pitch, of 1° RMS in 9 s, is told while it is still known and then no more; no angle is further
+/// off than it says.
+#[test]
+fn an_array_that_lost_an_antenna_forgets_the_turn_about_the_others() {
+    let (mut carried, mut forgotten, mut beyond) = (0, 0, 0);
+    for seed in 0..4 {
+        let mut scenario = solving::ready("ship");
+        solving::with_known_noise(&mut scenario);
+        (scenario.seed, scenario.interval_s, scenario.duration_s) = (300 + seed, 1.0, 59.0);
+        if let MotionPlan::Ship { pitch_rms_deg, .. } = &mut scenario.body[0].motion {
+            *pitch_rms_deg = 1.0;
+        }
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.2, 1.4866, 0.0]];
+        for (antenna, place) in scenario.body[0].antenna.iter_mut().zip(places) {
+            antenna.position_m = place;
+        }
+        let known = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Array) };
+        let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+        let mut engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+        let mut epoch = SimulatedEpoch::default();
+        for second in 0..60 {
+            assert!(simulation.next_epoch(&mut epoch));
+            let body = &mut epoch.bodies[0];
+            let is_silent = (20..50).contains(&second);
+            if is_silent {
+                body.observed.antennas[1] = None;
+            }
+            let row = engine.push(&body.observed);
+            if row.status != Status::Fixed {
+                continue;
+            }
+            let attitude = row.attitude.unwrap();
+            assert!(attitude.heading_rad.is_some() && attitude.roll_rad.is_some(), "{second}");
+            assert_eq!(attitude.line_elevation_rad.is_some(), is_silent, "{second}");
+            assert_eq!(attitude.ned_from_body.is_some(), attitude.pitch_rad.is_some());
+            if is_silent {
+                carried += usize::from(attitude.pitch_rad.is_some());
+                forgotten += usize::from(attitude.pitch_rad.is_none());
+                assert!(second < 35 || attitude.pitch_rad.is_none(), "{second}");
+            } else {
+                assert!(attitude.pitch_rad.is_some(), "{second}");
+            }
+            let truth = &body.truth.attitude;
+            let wanted = [truth.heading_rad, truth.pitch_rad, truth.roll_rad];
+            for (k, angle) in attitude.angles_rad().into_iter().enumerate() {
+                let Some(angle) = angle else { continue };
+                let sigmas =
+                    (angle - wanted[k]).sin().abs() / attitude.covariance_rad2[(k, k)].sqrt();
+                beyond += usize::from(sigmas > 3.0);
+                assert!(sigmas < 5.0, "second {second}, angle {k}: {sigmas} standard deviations");
+            }
+        }
+    }
+    println!(
+        "pitch told in {carried} rows without the antenna, empty in {forgotten}; {beyond} angles beyond 3 sd"
+    );
+    assert!(carried >= 4 && forgotten >= 60, "{carried} {forgotten}");
+    assert!(beyond <= 12, "{beyond}");
 }
 
 /// One epoch of each of 300 skies, above the atmosphere, where the models of estimator and simulator

@@ -62,6 +62,7 @@ fn the_car_is_solved_with_honest_sigmas() {
     let settings = Settings {
         antennas: antennas.len(),
         array: Some(AntennaArray::new(places).unwrap()),
+        array_sd_m: 0.0, // the simulated antennas are where they should be
         constraint: Constraint::None,
         noise: NoiseModel {
             code_zenith_m: 0.3,

@@ -36,9 +36,12 @@ fn coordinates_of_a_car_near_a_station() {
         sd_scale: 1.0,
         method: Method::Weighted,
         max_tilt_rad: core::f64::consts::PI,
+        roll_sd_rad: 0.1,
+        max_angle_sd_rad: core::f64::consts::PI,
         points_m: Vec::new(),
     })
     .unwrap();
+    let mut memory = by_coordinates.memory();
 
     let (mut by_code, mut by_phase, mut normalised) = (Vec::new(), Vec::new(), 0.0);
     let (mut own_headings, mut chain_headings) = (Vec::new(), Vec::new());
@@ -63,7 +66,8 @@ fn coordinates_of_a_car_near_a_station() {
             fixes[place.index] =
                 Some(AntennaFix { position_m: found_m, sd_ned_m: [sd(0), sd(1), sd(2)] });
         }
-        let chain = by_coordinates.push(&PositionEpoch { time: row.time, antennas: fixes });
+        let epoch = PositionEpoch { time: row.time, antennas: fixes };
+        let chain = by_coordinates.push(&epoch, &mut memory);
         chain_headings.extend(angle_errors(truth, &chain).map(|e| e.x.to_degrees()));
         if row.status == Status::Fixed {
             own_headings.extend(angle_errors(truth, &row).map(|e| e.x.to_degrees()));

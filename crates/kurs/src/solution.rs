@@ -183,11 +183,16 @@ pub struct AttitudeEstimate {
     pub pitch_rad: Option<f64>,
     /// Right side down positive.
     pub roll_rad: Option<f64>,
-    /// Covariance of heading, pitch, roll (in this order), rad²; rows of unknown angles mean
-    /// nothing.
+    /// Covariance of heading, pitch, roll (in this order), rad², with all that they are uncertain by;
+    /// rows of unknown angles mean nothing.
     pub covariance_rad2: Matrix3<f64>,
+    /// The part of it that the survey of the antennas causes: the same in all epochs of a body, so
+    /// that it does not average.
+    pub installation_rad2: Matrix3<f64>,
     /// The full rotation, where all three angles are known.
     pub ned_from_body: Option<Rotation<Ned, Body>>,
+    /// How far the line of the antennas rises above the horizon, where all of them are on one line.
+    pub line_elevation_rad: Option<f64>,
 }
 
 /// Where a point is, and how it moves.

@@ -48,6 +48,10 @@ pub(super) struct OrientTable {
     pub(super) array_sd_m: f64,
     /// What the body cannot exceed in pitch or roll.
     pub(super) max_tilt_deg: f64,
+    /// For antennas on one line: how far the angle that they cannot see may be from zero.
+    pub(super) roll_sd_deg: f64,
+    /// An angle less certain than this stays empty.
+    pub(super) max_angle_sd_deg: f64,
 }
 
 impl Default for OrientTable {
@@ -59,6 +63,8 @@ impl Default for OrientTable {
             sd_down_m: 0.02,
             array_sd_m: 0.0,
             max_tilt_deg: 90.0,
+            roll_sd_deg: 5.0,
+            max_angle_sd_deg: 5.0,
         }
     }
 }
@@ -109,6 +115,8 @@ impl Config {
             sd_down_m,
             array_sd_m,
             max_tilt_deg,
+            roll_sd_deg,
+            max_angle_sd_deg,
         } = self.orient;
         for (key, value, least) in [
             ("match_window_s", match_window_s, 0.0),
@@ -117,6 +125,8 @@ impl Config {
             ("sd_east_m", sd_east_m, 1e-6),
             ("sd_down_m", sd_down_m, 1e-6),
             ("max_tilt_deg", max_tilt_deg, 0.0),
+            ("roll_sd_deg", roll_sd_deg, 0.0),
+            ("max_angle_sd_deg", max_angle_sd_deg, 1e-3),
         ] {
             if value.is_nan() || value < least {
                 return Err(UsageError(format!(

@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
-use kurs::orientation::{Method, Orienter, PositionEpoch, Settings};
+use kurs::orientation::{FittedEpoch, Method, Orienter, PositionEpoch, Settings};
 use kurs::solution::{EpochSolution, Status};
 use kurs_formats::positions::nmea::Date;
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ use positions::Positions;
 
 /// Stated standard deviations are left alone unless they are this many times too small.
 const TRUSTED_SD_FACTOR: f64 = 1.5;
-/// Epochs that are solved, by all processors, while those before are written.
+/// Epochs that are fitted, by all processors, while those before are written.
 const EPOCHS_AT_ONCE: usize = 8192;
 
 /// Attitude from antenna coordinates that receivers already give.
@@ -139,27 +139,32 @@ impl Outputs {
 
     /// Solves all epochs and writes their rows in order.
     fn write_all(&mut self, orienter: &Orienter, epochs: &[PositionEpoch]) -> anyhow::Result<()> {
+        let mut memory = orienter.memory();
         let mut blocks = epochs.chunks(EPOCHS_AT_ONCE);
-        let mut solve_next = || -> Option<Vec<EpochSolution>> {
-            Some(blocks.next()?.par_iter().map(|epoch| orienter.push(epoch)).collect())
+        let mut fit_next = || -> Option<Vec<FittedEpoch>> {
+            Some(blocks.next()?.par_iter().map(|epoch| orienter.fit(epoch)).collect())
         };
-        let mut solved = solve_next();
-        while let Some(rows) = solved {
-            let (written, next) = rayon::join(|| self.write(&rows), &mut solve_next);
+        let mut fitted = fit_next();
+        while let Some(block) = fitted {
+            let write = || -> anyhow::Result<()> {
+                for epoch in &block {
+                    self.write(&orienter.row(epoch, &mut memory))?;
+                }
+                Ok(())
+            };
+            let (written, next) = rayon::join(write, &mut fit_next);
             written?;
-            solved = next;
+            fitted = next;
         }
         Ok(())
     }
 
-    fn write(&mut self, rows: &[EpochSolution]) -> anyhow::Result<()> {
-        for row in rows {
-            self.summary.add(row, row.antennas >= 2);
-            for tables in &mut self.tables {
-                tables.write(row)?;
-            }
-            self.progress.epoch(row.status == Status::Fixed);
+    fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        self.summary.add(row, row.antennas >= 2);
+        for tables in &mut self.tables {
+            tables.write(row)?;
         }
+        self.progress.epoch(row.status == Status::Fixed);
         Ok(())
     }
 }
@@ -182,6 +187,8 @@ fn orienter(
         sd_scale: 1.0,
         method,
         max_tilt_rad: config.orient.max_tilt_deg.to_radians(),
+        roll_sd_rad: config.orient.roll_sd_deg.to_radians(),
+        max_angle_sd_rad: config.orient.max_angle_sd_deg.to_radians(),
         points_m: config.point.iter().map(|point| point_of(point.position_m)).collect(),
     };
     let usage = |error: kurs::attitude::AttitudeError| UsageError(error.to_string());

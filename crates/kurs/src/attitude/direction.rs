@@ -11,7 +11,7 @@
 //! in the eigenvectors of `A` with eigenvalues `a₁ ≤ a₂ ≤ a₃`. The root right of `−a₁` is the global
 //! minimum; at most one more local minimum exists, the root next to the left of it (Martínez 1994).
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Matrix3x2, SymmetricEigen, Vector3};
 
 use super::AttitudeError;
 use super::weighted::AttitudeProblem;
@@ -217,10 +217,7 @@ fn tangential_inverse(
     information: &Matrix3<f64>,
     unit: &Vector3<f64>,
 ) -> Result<Matrix3<f64>, AttitudeError> {
-    let mut aside = Vector3::zeros();
-    aside[unit.iamin()] = 1.0;
-    let first = unit.cross(&aside).normalize();
-    let tangent = nalgebra::Matrix3x2::from_columns(&[first, unit.cross(&first)]);
+    let tangent = tangent_plane(unit);
     let inner = tangent.transpose() * information * tangent;
     let (trace, determinant) = (inner.trace(), inner.determinant());
     if determinant.is_nan() || determinant <= SINGULAR_RATIO * trace * trace {
@@ -228,6 +225,14 @@ fn tangential_inverse(
     }
     let inverse = inner.try_inverse().ok_or(AttitudeError::Unobservable)?;
     Ok(tangent * inverse * tangent.transpose())
+}
+
+/// Two unit vectors across `unit` and each other.
+pub(super) fn tangent_plane(unit: &Vector3<f64>) -> Matrix3x2<f64> {
+    let mut aside = Vector3::zeros();
+    aside[unit.iamin()] = 1.0;
+    let first = unit.cross(&aside).normalize();
+    Matrix3x2::from_columns(&[first, unit.cross(&first)])
 }
 
 #[cfg(test)]

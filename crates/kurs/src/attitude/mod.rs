@@ -11,19 +11,24 @@ pub mod angles;
 pub mod continuation;
 pub mod coordinates;
 pub mod direction;
+pub mod installation;
 pub mod joint;
+pub mod line;
 pub mod reduction;
 mod small;
 pub mod three_point;
 pub mod triad;
 pub mod undifferenced;
 pub mod uniqueness;
+pub mod vertical;
 pub mod wahba;
 pub mod weighted;
 
 pub use direction::Direction;
 pub use joint::{ArrayAttitude, ArrayDirection};
+pub use line::MeasuredLine;
 pub use uniqueness::{GlobalMinimum, Uniqueness};
+pub use vertical::{Vertical, VerticalMemory};
 pub use weighted::{AttitudeProblem, Minimum};
 
 /// What was given cannot be an attitude problem, or leaves the attitude open.

@@ -1,12 +1,12 @@
 //! What fixed baselines say of the shape of the array: in one epoch, and in many together.
 //!
 //! Baselines `b` that were solved without the geometry leave, in body axes, `r = Rᵀ b − l` against the
-//! known places `l`. The attitude `R` takes every turn out of `r`; a shape that differs by `δ` from
+//! known places `l`. The attitude `R` is free to take every turn out of `r`; a shape that differs by `δ` from
 //! the known one stays the same in all epochs, however the body turns. With `W = Q⁻¹` of the
 //! baselines in body axes, `G` the changes of `l` in a turn of the body and `N` all that is no turn,
 //! one epoch says of `Nᵀ δ`
 //!
-//! `A = Nᵀ (W − W G (Gᵀ W G)⁻¹ Gᵀ W) N`,   `h = Nᵀ W r`
+//! `A = Nᵀ P N`,   `h = Nᵀ P r`,   `P = W − W G (Gᵀ W G)⁻¹ Gᵀ W`
 //!
 //! and many say `ΣA`, `Σh`. Multipath does not average from one epoch to the next. What share `ρ` of
 //! the noise stays shows in the differences of successive epochs, which are free of `δ`: of noise that
@@ -48,26 +48,6 @@ pub(super) struct Misfit {
     pub(super) covariance_m2: DMatrix<f64>,
     /// Standard deviation of the coordinates of the known places, m.
     pub(super) array_sd_m: f64,
-}
-
-impl Misfit {
-    /// Of a single baseline, whose length is all that is known: `r` along it, with its variance.
-    pub(super) fn of_length(
-        antennas: [usize; 2],
-        known_m: Vector3<f64>,
-        longer_m: f64,
-        variance_m2: f64,
-        array_sd_m: f64,
-    ) -> Self {
-        let residual_m = known_m.normalize() * longer_m;
-        Self {
-            antennas: antennas.to_vec(),
-            known_m: vec![known_m],
-            residual_m: DVector::from_column_slice(residual_m.as_slice()),
-            covariance_m2: DMatrix::identity(3, 3) * variance_m2,
-            array_sd_m,
-        }
-    }
 }
 
 /// Covariance of `baselines` known baselines whose ends were surveyed with `array_sd_m` in each
@@ -155,7 +135,7 @@ impl MeanMisfit {
         let free = turning.pseudo_inverse(limit).ok()?;
         let without_turns = &weight - &of_turns * free * of_turns.transpose();
         let information = self.shapes.tr_mul(&without_turns) * &self.shapes;
-        let mut gradient = self.shapes.tr_mul(&(weight * &misfit.residual_m));
+        let mut gradient = self.shapes.tr_mul(&(without_turns * &misfit.residual_m));
         let survey_m2 = self.survey_m2(misfit.array_sd_m);
         let alone = &information + &information * survey_m2 * &information;
         let square = gradient.dot(&alone.cholesky()?.solve(&gradient));
@@ -260,8 +240,13 @@ mod tests {
     /// One epoch of wrong integers among right ones is not the array's fault.
     #[test]
     fn one_wild_epoch_is_soon_forgiven() {
-        let known_m = Vector3::new(1.0, 0.0, 0.0);
-        let of = |longer_m| Misfit::of_length([0, 1], known_m, longer_m, 9e-6, 0.0);
+        let of = |longer_m| Misfit {
+            antennas: vec![0, 1],
+            known_m: vec![Vector3::x()],
+            residual_m: DVector::from_column_slice(&[longer_m, 0.0, 0.0]),
+            covariance_m2: DMatrix::identity(3, 3) * 9e-6,
+            array_sd_m: 0.0,
+        };
         let mut mean = MeanMisfit::default();
         let mut take = |longer_m, second| {
             mean.take(&of(longer_m), GpsTime::from_week_tow(2300, second).unwrap());

@@ -20,6 +20,7 @@ pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 use core::ops::Range;
 
 use crate::antenna_calibration::MountedAntenna;
+use crate::attitude::VerticalMemory;
 use crate::baseline::Baselines;
 use crate::cycle_slip::Continuity;
 use crate::difference::{self, Link};
@@ -38,6 +39,7 @@ use channel_bias::ChannelBiases;
 use fix::{Fixer, Outcome, Verdict};
 use locate::{CommonFrame, Located, locate, shared_satellites};
 use misfit::MeanMisfit;
+use orientation::KnownBody;
 use partial::Part;
 use predicted_attitude::PredictedBaselines;
 use station::Station;
@@ -60,6 +62,8 @@ pub struct Engine {
     mounts: Vec<Option<MountedAntenna>>,
     /// Of the last epoch that was fixed.
     ned_from_body: Option<Rotation<Ned, Body>>,
+    /// Of the last epoch that was fixed with three angles.
+    vertical: VerticalMemory,
     station: Option<Box<Station>>,
 }
 
@@ -79,6 +83,7 @@ impl Engine {
         };
         Ok(Self {
             carried,
+            vertical: VerticalMemory::new(settings.roll_sd_rad),
             settings,
             navigation,
             located: Vec::new(),
@@ -242,12 +247,14 @@ impl Engine {
                 (row.integers, row.rivals) = (sums(integers), Some(*rivals));
             }
         }
-        let orientation = orientation::orient(
-            &outcome.baselines,
-            &frame.horizon,
-            self.settings.array.as_ref(),
-            self.settings.array_sd_m,
-        );
+        let known = KnownBody {
+            array: self.settings.array.as_ref(),
+            array_sd_m: self.settings.array_sd_m,
+            memory: &self.vertical,
+            time: epoch.time,
+            max_angle_sd_rad: self.settings.max_angle_sd_rad,
+        };
+        let orientation = orientation::orient(&outcome.baselines, &frame.horizon, &known);
         if let (Some(misfit), true) = (&orientation.misfit, outcome.verdict.is_sure()) {
             self.mean_misfit.take(misfit, epoch.time);
         }
@@ -353,9 +360,11 @@ impl Engine {
         }
     }
 
-    /// Keeps the body's axes of a fixed epoch; two antennas leave the roll open, it counts as zero.
+    /// Keeps the body's axes of a fixed epoch; angles that antennas on one line leave open count as
+    /// zero.
     fn remember_axes(&mut self, row: &EpochSolution) {
         let Some(attitude) = row.attitude.filter(|_| row.status == Status::Fixed) else { return };
+        self.vertical.remember(row.time, &attitude);
         let Some(heading_rad) = attitude.heading_rad else { return };
         let (pitch_rad, roll_rad) =
             (attitude.pitch_rad.unwrap_or(0.0), attitude.roll_rad.unwrap_or(0.0));

@@ -5,18 +5,35 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use super::misfit::{Misfit, survey_covariance};
 
 use crate::array::{AntennaArray, Shape};
-use crate::attitude::joint;
+use crate::attitude::installation::survey_turn_rad2;
+use crate::attitude::{MeasuredLine, VerticalMemory, joint};
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
-use crate::frames::{Body, Ecef, Ned, Rotation, Vector};
+use crate::frames::{Body, Ecef, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
+use crate::time::GpsTime;
 
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
 /// Fixed baselines whose misfit to the array is less probable than this do not come from this array.
 const MIN_PROBABLE_MISFIT: f64 = 1e-5;
+
+/// What is known of the body before an epoch.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct KnownBody<'a> {
+    /// The antennas, if they have places.
+    pub(super) array: Option<&'a AntennaArray>,
+    /// Standard deviation of each of their coordinates.
+    pub(super) array_sd_m: f64,
+    /// For antennas on one line: where down was on the body,
+    pub(super) memory: &'a VerticalMemory,
+    /// and the time of the epoch.
+    pub(super) time: GpsTime,
+    /// An angle less certain than this is not told.
+    pub(super) max_angle_sd_rad: f64,
+}
 
 /// How the body stands, and how its baselines fit to the known array.
 #[derive(Debug)]
@@ -26,42 +43,43 @@ pub(super) struct Orientation {
     pub(super) misfit: Option<Misfit>,
 }
 
-/// Orientation of the body: all three angles for an array that spans a plane, otherwise heading
-/// and pitch of the line of antennas.
+/// Orientation of the body: all three angles for an array that spans a plane, otherwise what a line of
+/// antennas sees.
 pub(super) fn orient(
     baselines: &Baselines,
     horizon: &Horizon,
-    array: Option<&AntennaArray>,
-    array_sd_m: f64,
+    known: &KnownBody<'_>,
 ) -> Orientation {
-    let present = array.and_then(|array| present_part(array, baselines));
-    match present.filter(|part| part.shape() != Shape::Collinear) {
-        Some(part) => full(baselines, horizon, &part, array_sd_m),
-        None => of_line(baselines, horizon, array, array_sd_m),
-    }
+    let orientation = match known.array.and_then(|array| present_part(array, baselines)) {
+        Some(part) if part.shape() == Shape::Collinear => line(baselines, horizon, &part, known),
+        Some(part) => full(baselines, horizon, &part, known.array_sd_m),
+        None => of_first_baseline(baselines, horizon, known),
+    };
+    let certain = |attitude: AttitudeEstimate| attitude.certain_to(known.max_angle_sd_rad);
+    Orientation { attitude: orientation.attitude.map(certain), ..orientation }
 }
 
-/// Heading and pitch of the first baseline.
-fn of_line(
+/// The first baseline as the forward axis of a body whose array nobody knows.
+fn of_first_baseline(
     baselines: &Baselines,
     horizon: &Horizon,
-    array: Option<&AntennaArray>,
-    array_sd_m: f64,
+    known: &KnownBody<'_>,
 ) -> Orientation {
     let ned_from_ecef = horizon.ned_from_ecef();
-    let line_ned = ned_from_ecef * baselines.vector_m(0);
+    let baseline = ned_from_ecef * baselines.vector_m(0);
+    let direction = baseline.direction();
+    // ∂u = (I − u uᵀ) ∂b / ‖b‖
+    let unit = direction.xyz();
+    let across = (Matrix3::identity() - unit * unit.transpose()) / baseline.norm();
     let covariance_m2 = ned_from_ecef.turn_covariance(&baselines.block_m2(0));
-    let (reference, rover) = (baselines.reference, baselines.rovers[0]);
-    let line_body = array.map(|array| array.positions_m()[rover] - array.positions_m()[reference]);
-    let forward = Vector::new(1.0, 0.0, 0.0);
-    let attitude = direction(line_ned, &covariance_m2, line_body.unwrap_or(forward));
-    let misfit = line_body.map(|line_body| {
-        let along = line_ned.direction().xyz();
-        let longer_m = line_ned.norm() - line_body.norm();
-        let variance_m2 = along.dot(&(covariance_m2 * along));
-        Misfit::of_length([reference, rover], line_body.xyz(), longer_m, variance_m2, array_sd_m)
-    });
-    Orientation { attitude: attitude.ok_or(Reason::Geometry), misfit }
+    let line = MeasuredLine {
+        axis: Vector::new(1.0, 0.0, 0.0),
+        direction,
+        covariance_rad2: across * covariance_m2 * across,
+    };
+    let vertical = known.memory.at(known.time, &line.axis);
+    let attitude = AttitudeEstimate::of_line(&line, &vertical, &Matrix3::zeros());
+    Orientation { attitude: Ok(attitude), misfit: None }
 }
 
 /// The antennas that have a baseline, as an array.
@@ -72,6 +90,48 @@ fn present_part(array: &AntennaArray, baselines: &Baselines) -> Option<AntennaAr
     AntennaArray::new(positions_m).ok()
 }
 
+/// Antennas on one line: its direction, and the turn about it as far as the vertical is known.
+fn line(
+    baselines: &Baselines,
+    horizon: &Horizon,
+    array: &AntennaArray,
+    known: &KnownBody<'_>,
+) -> Orientation {
+    let vectors = vectors(baselines);
+    let covariance_m2 = with_survey(baselines, known.array_sd_m);
+    let Ok(solved) = joint::solve_direction(array, &vectors, &covariance_m2) else {
+        return Orientation { attitude: Err(Reason::Geometry), misfit: None };
+    };
+    let ned_from_ecef = horizon.ned_from_ecef();
+    let line = MeasuredLine {
+        axis: solved.axis,
+        direction: ned_from_ecef * solved.direction,
+        covariance_rad2: ned_from_ecef.turn_covariance(&solved.covariance_rad2),
+    };
+    let vertical = known.memory.at(known.time, &line.axis);
+    let ned_from_body = line.ned_from_body(&vertical);
+    let ecef_from_body = ned_from_body.map(|rotation| ned_from_ecef.inverse() * rotation);
+    let installation = ecef_from_body.and_then(|rotation| {
+        let (body, line) = (body_baselines(array), solved.axis.xyz());
+        let (matrix, sd_m) = (rotation.matrix(), known.array_sd_m);
+        survey_turn_rad2(&body, &matrix, &covariance_m2, Some(&line), sd_m)
+    });
+    // The length of a single baseline was judged with its integers.
+    let is_single = vectors.len() == 1;
+    let attitude = if !is_single && !is_probable(solved.chi_squared, solved.degrees_of_freedom) {
+        Err(Reason::Geometry)
+    } else if solved.cost_gap.is_some_and(|gap| gap < TWO_MINIMA_CHI2 / 2.0) {
+        Err(Reason::TwoMinima)
+    } else {
+        let installation = installation.unwrap_or_default();
+        Ok(AttitudeEstimate::of_line(&line, &vertical, &installation))
+    };
+    let misfit = ecef_from_body.map(|rotation| {
+        in_body_axes(baselines, array, rotation, &solved.residuals_m, known.array_sd_m)
+    });
+    Orientation { attitude, misfit }
+}
+
 /// All three angles: Wahba start, Newton with the full covariance of the baselines.
 fn full(
     baselines: &Baselines,
@@ -79,120 +139,69 @@ fn full(
     array: &AntennaArray,
     array_sd_m: f64,
 ) -> Orientation {
-    let vectors: Vec<_> = (0..baselines.rovers.len()).map(|b| baselines.vector_m(b)).collect();
-    let covariance_m2 = &baselines.covariance_m2;
-    let Ok(solved) = joint::solve(array, &vectors, covariance_m2, TWO_MINIMA_CHI2 / 2.0) else {
+    let covariance_m2 = with_survey(baselines, array_sd_m);
+    let gap = TWO_MINIMA_CHI2 / 2.0;
+    let Ok(solved) = joint::solve(array, &vectors(baselines), &covariance_m2, gap) else {
         return Orientation { attitude: Err(Reason::Geometry), misfit: None };
     };
-    let survey_m2 = survey_covariance(vectors.len(), array_sd_m);
-    let chi2 = squares(&solved.residuals_m, covariance_m2 + survey_m2);
-    let fits = chi2.is_some_and(|chi2| {
-        chi_square_tail(chi2, solved.degrees_of_freedom) >= MIN_PROBABLE_MISFIT
-    });
-    let attitude = if !fits {
+    let ecef_from_body = solved.outside_from_body;
+    let attitude = if !is_probable(solved.chi_squared, solved.degrees_of_freedom) {
         Err(Reason::Geometry)
-    } else if solved.uniqueness.is_ambiguous(TWO_MINIMA_CHI2 / 2.0) {
+    } else if solved.uniqueness.is_ambiguous(gap) {
         Err(Reason::TwoMinima)
     } else {
-        let ned_from_body: Rotation<Ned, Body> = horizon.ned_from_ecef() * solved.outside_from_body;
-        Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2))
+        let (body, matrix) = (body_baselines(array), ecef_from_body.matrix());
+        let survey = survey_turn_rad2(&body, &matrix, &covariance_m2, None, array_sd_m);
+        let ned_from_body = horizon.ned_from_ecef() * ecef_from_body;
+        Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2)
+            .with_installation(&survey.unwrap_or_default()))
     };
-    Orientation { attitude, misfit: Some(in_body_axes(baselines, array, &solved, array_sd_m)) }
+    let misfit = in_body_axes(baselines, array, ecef_from_body, &solved.residuals_m, array_sd_m);
+    Orientation { attitude, misfit: Some(misfit) }
+}
+
+/// The baselines one by one.
+fn vectors(baselines: &Baselines) -> Vec<Vector<Ecef>> {
+    (0..baselines.rovers.len()).map(|block| baselines.vector_m(block)).collect()
+}
+
+/// The array's baselines in body axes, m.
+fn body_baselines(array: &AntennaArray) -> Vec<nalgebra::Vector3<f64>> {
+    (1..array.len()).map(|rover| array.baseline_m(rover).xyz()).collect()
+}
+
+/// How far measured baselines may be from the array as it was surveyed, m²: both are uncertain.
+fn with_survey(baselines: &Baselines, array_sd_m: f64) -> DMatrix<f64> {
+    &baselines.covariance_m2 + survey_covariance(baselines.rovers.len(), array_sd_m)
+}
+
+/// Whether χ² is no larger than chance makes it for the known array.
+fn is_probable(chi_squared: f64, degrees_of_freedom: usize) -> bool {
+    chi_square_tail(chi_squared, degrees_of_freedom) >= MIN_PROBABLE_MISFIT
 }
 
 /// What the baselines leave against the array, and their covariance, in body axes.
 fn in_body_axes(
     baselines: &Baselines,
     array: &AntennaArray,
-    solved: &joint::ArrayAttitude<Ecef>,
+    ecef_from_body: Rotation<Ecef, Body>,
+    residuals_m: &[Vector<Ecef>],
     array_sd_m: f64,
 ) -> Misfit {
-    let body_from_ecef = solved.outside_from_body.inverse();
-    let turned = solved.residuals_m.iter().map(|residual| body_from_ecef * *residual);
+    let body_from_ecef = ecef_from_body.inverse();
+    let turned = residuals_m.iter().map(|residual| body_from_ecef * *residual);
     let mut turn = DMatrix::zeros(baselines.vectors_m.len(), baselines.vectors_m.len());
     for block in 0..baselines.rovers.len() {
         turn.fixed_view_mut::<3, 3>(3 * block, 3 * block).copy_from(&body_from_ecef.matrix());
     }
-    let positions_m = array.positions_m();
     Misfit {
         antennas: [baselines.reference].iter().chain(&baselines.rovers).copied().collect(),
-        known_m: positions_m[1..].iter().map(|p| (*p - positions_m[0]).xyz()).collect(),
+        known_m: body_baselines(array),
         residual_m: DVector::from_iterator(
             baselines.vectors_m.len(),
             turned.flat_map(|residual| <[f64; 3]>::from(residual.xyz())),
         ),
         covariance_m2: &turn * &baselines.covariance_m2 * turn.transpose(),
         array_sd_m,
-    }
-}
-
-/// `rᵀ Q⁻¹ r` of the residuals of all baselines.
-fn squares<F: Copy>(residuals_m: &[Vector<F>], covariance_m2: DMatrix<f64>) -> Option<f64> {
-    let components = residuals_m.iter().flat_map(|r| <[f64; 3]>::from(r.xyz()));
-    let residual = DVector::from_iterator(3 * residuals_m.len(), components);
-    Some(residual.dot(&covariance_m2.cholesky()?.solve(&residual)))
-}
-
-/// Heading and pitch of a body, its roll taken as zero, whose antennas on the line `line_body` have
-/// the baseline `line` with this covariance; `None` for a vertical one.
-fn direction(
-    line: Vector<Ned>,
-    covariance_m2: &Matrix3<f64>,
-    line_body: Vector<Body>,
-) -> Option<AttitudeEstimate> {
-    let (unit, length) = (line.direction().xyz(), line.norm());
-    // ∂u = (I − u uᵀ) ∂line / ‖line‖
-    let across = (Matrix3::identity() - unit * unit.transpose()) / length;
-    let covariance_rad2 = across * covariance_m2 * across;
-    AttitudeEstimate::of_axis(&line_body.direction(), &Vector::from_xyz(unit), &covariance_rad2)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frames::Attitude;
-    use nalgebra::Vector3;
-    use proptest::prelude::*;
-
-    proptest! {
-        /// Whatever the line's direction on the body: without roll, the angles come back, and their
-        /// variances are those of differences.
-        #[test]
-        fn direction_gives_the_angles_back(
-            heading in 0.1..6.2f64, pitch in -0.4..0.4f64,
-            y in -0.5..0.5f64, z in -0.3..0.3f64,
-        ) {
-            let line_body = Vector::<Body>::new(1.0, y, z);
-            let turn = Attitude { heading_rad: heading, pitch_rad: pitch, roll_rad: 0.0 };
-            let line = turn.ned_from_body() * line_body;
-            let covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 2e-6, 3e-6));
-            let found = direction(line, &covariance, line_body).unwrap();
-            prop_assert!((found.heading_rad.unwrap() - heading).abs() < 1e-9);
-            prop_assert!((found.pitch_rad.unwrap() - pitch).abs() < 1e-9);
-
-            let mut expected = Matrix3::<f64>::zeros();
-            for axis in 0..3 {
-                let mut moved = line.xyz();
-                moved[axis] += 1e-5;
-                let ahead = direction(Vector::from_xyz(moved), &covariance, line_body).unwrap();
-                let row = Vector3::new(
-                    ahead.heading_rad.unwrap() - heading, ahead.pitch_rad.unwrap() - pitch, 0.0,
-                ) / 1e-5;
-                expected += row * row.transpose() * covariance[(axis, axis)];
-            }
-            let error = (found.covariance_rad2 - expected).norm() / expected.norm();
-            prop_assert!(error < 1e-3, "{error}");
-        }
-    }
-
-    #[test]
-    fn a_line_across_the_body_gives_heading_only() {
-        let right = Vector::<Body>::new(0.0, 1.0, 0.0);
-        let east = Vector::<Ned>::new(0.0, 1.0, 0.05);
-        let found = direction(east, &Matrix3::identity(), right).unwrap();
-        assert!(found.heading_rad.unwrap().abs() < 1e-12, "a body that points north");
-        assert_eq!(found.pitch_rad, None);
-        let up = Vector::<Ned>::new(0.0, 0.0, -1.0);
-        assert_eq!(direction(up, &Matrix3::identity(), right), None);
     }
 }

@@ -51,6 +51,10 @@ pub struct Settings {
     pub max_wrong_fix_rate: f64,
     /// What the body cannot exceed in pitch or roll.
     pub max_tilt_rad: f64,
+    /// For antennas on one line: how far the angle that they cannot see may be from zero (1 sigma).
+    pub roll_sd_rad: f64,
+    /// Angles less certain than this are left out.
+    pub max_angle_sd_rad: f64,
     /// Observation noise.
     pub noise: NoiseModel,
     /// Whether rows carry the residuals of every signal, and the integers.
@@ -73,6 +77,8 @@ impl Default for Settings {
             array_sd_m: 0.002,
             max_wrong_fix_rate: 0.001,
             max_tilt_rad: core::f64::consts::FRAC_PI_2,
+            roll_sd_rad: 5f64.to_radians(),
+            max_angle_sd_rad: 5f64.to_radians(),
             noise: NoiseModel {
                 code_zenith_m: 0.2,
                 phase_zenith_m: 0.0015,
@@ -154,6 +160,10 @@ impl Settings {
         within("elevation_mask_deg", mask_deg, -5.0..=89.0, "-5 to 89 degrees")?;
         let tilt_deg = self.max_tilt_rad.to_degrees();
         within("max_tilt_deg", tilt_deg, 0.0..=180.0, "0 to 180 degrees")?;
+        let roll_sd_deg = self.roll_sd_rad.to_degrees();
+        within("roll_sd_deg", roll_sd_deg, 0.0..=180.0, "0 to 180 degrees")?;
+        let max_angle_sd_deg = self.max_angle_sd_rad.to_degrees();
+        within("max_angle_sd_deg", max_angle_sd_deg, 1e-3..=180.0, "0.001 to 180 degrees")?;
         within("array_sd_m", self.array_sd_m, 0.0..=10.0, "0 to 10 m")?;
         if let Ambiguities::Continuous(Motion::RandomWalk { m_per_sqrt_s }) = self.ambiguities {
             within("random_walk_m", m_per_sqrt_s, 1e-6..=1e3, "1e-6 to 1000 m in a second")?;

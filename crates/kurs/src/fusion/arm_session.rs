@@ -363,7 +363,9 @@ fn solution(filter: &ArmFilter, time: GpsTime) -> EpochSolution {
             pitch_rad: Some(attitude.pitch_rad),
             roll_rad: Some(attitude.roll_rad),
             covariance_rad2: angle_covariance(filter),
+            installation_rad2: Matrix3::zeros(),
             ned_from_body: Some(attitude.ned_from_body()),
+            line_elevation_rad: None,
         }),
         position: Some(PositionEstimate {
             geodetic,

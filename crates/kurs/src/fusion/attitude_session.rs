@@ -117,6 +117,8 @@ struct Made {
     rate_radps: Vector3<f64>,
     /// Whether the recorder of the running filter holds a state for it.
     recorded: bool,
+    /// What the survey of the antennas leaves in the attitude, rad².
+    installation_rad2: Matrix3<f64>,
 }
 
 /// The filter with its inputs.
@@ -136,6 +138,9 @@ pub struct AttitudeSession {
     last_sample: Option<(f64, ImuSample)>,
     last_used_s: f64,
     locked_out_epochs: usize,
+    /// Of the last row that had an attitude. It is the same in all of them: the filter averages noise
+    /// alone, and what it finds is uncertain by this much more.
+    installation_rad2: Matrix3<f64>,
     /// Whether the filter began at a fix.
     began_at_fix: bool,
     /// Fixes without help that agreed with the prediction, since one did not.
@@ -162,6 +167,7 @@ impl AttitudeSession {
             clock_m: 0.0,
             usual_step_s: None,
             last_sample: None,
+            installation_rad2: Matrix3::zeros(),
             last_used_s: f64::NEG_INFINITY,
             locked_out_epochs: 0,
             began_at_fix: false,
@@ -348,6 +354,9 @@ impl AttitudeSession {
         if let Some(position) = &row.position {
             self.place = Some(position.geodetic);
         }
+        if let Some(known) = self.angles(&row) {
+            self.installation_rad2 = known.estimate.installation_rad2;
+        }
         // The errors of code attitudes are no small turns: the first fix begins anew.
         if self.angles(&row).is_some() && row.status == Status::Fixed && !self.began_at_fix {
             self.filter = None;
@@ -386,6 +395,7 @@ impl AttitudeSession {
             solution: EpochSolution { status, reason, ..row },
             rate_radps,
             recorded: self.settings.smooth,
+            installation_rad2: self.installation_rad2,
         };
         let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
         self.filter = Some(filter);
@@ -417,15 +427,13 @@ impl AttitudeSession {
         }
         let started = self.place.and_then(|place| self.first_filter(time_s, &row, &place));
         let Some(mut filter) = started else {
-            let made = Made { solution: row, rate_radps: Vector3::zeros(), recorded: false };
-            let solution = made.solution.clone();
-            return self.emit(made, solution);
+            let solution = row.clone();
+            return self.emit(self.made_of(row, false), solution);
         };
         if self.settings.smooth {
             self.recorder.around(&mut filter, |_| ());
         }
-        let made =
-            Made { solution: row, rate_radps: Vector3::zeros(), recorded: self.settings.smooth };
+        let made = self.made_of(row, self.settings.smooth);
         let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
         self.filter = Some(filter);
         self.last_used_s = time_s;
@@ -434,6 +442,12 @@ impl AttitudeSession {
         self.events.push((time_s, Event::Started));
         let solution = self.with_attitude(&made, &nominal, &covariance);
         self.emit(made, solution);
+    }
+
+    /// A row before which the filter did not run.
+    fn made_of(&self, solution: EpochSolution, recorded: bool) -> Made {
+        let installation_rad2 = self.installation_rad2;
+        Made { solution, rate_radps: Vector3::zeros(), recorded, installation_rad2 }
     }
 
     fn first_filter(
@@ -528,7 +542,12 @@ impl AttitudeSession {
         let matrix = nominal.attitude.to_rotation_matrix().into_inner();
         let ned_from_body = Rotation::from_matrix(matrix);
         let mut solution = made.solution.clone();
-        solution.attitude = Some(AttitudeEstimate::full(ned_from_body, covariance));
+        let noise = AttitudeEstimate::full(ned_from_body, covariance);
+        solution.attitude = Some(AttitudeEstimate {
+            covariance_rad2: noise.covariance_rad2 + made.installation_rad2,
+            installation_rad2: made.installation_rad2,
+            ..noise
+        });
         if let (Some(position), Some(_)) = (&mut solution.position, self.settings.velocity_sd_mps) {
             let turning = self.turning(&ned_from_body, &made.rate_radps);
             position.velocity_mps = Some(Vector::from_xyz(nominal.velocity_mps) + turning);
@@ -576,6 +595,18 @@ struct Known<'a> {
 }
 
 impl Known<'_> {
+    /// Pitch and roll as far as this row measured them: what antennas on one line do not see, the less
+    /// certain of the two, only repeats what earlier rows said.
+    fn measured_tilt(&self) -> [Option<f64>; 2] {
+        let AttitudeEstimate { pitch_rad, roll_rad, covariance_rad2, .. } = self.estimate;
+        let variances = (covariance_rad2[(1, 1)], covariance_rad2[(2, 2)]);
+        match self.estimate.line_elevation_rad.zip(*pitch_rad).zip(*roll_rad) {
+            Some(_) if variances.0 > variances.1 => [None, *roll_rad],
+            Some(_) => [*pitch_rad, None],
+            None => [*pitch_rad, *roll_rad],
+        }
+    }
+
     /// A whole attitude: angles that were not measured are the given ones with this variance.
     fn complete(
         &self,
@@ -584,14 +615,14 @@ impl Known<'_> {
         unmeasured: f64,
         inflation: f64,
     ) -> Option<MeasuredAttitude> {
-        let estimate = self.estimate;
+        let [pitch, roll] = self.measured_tilt();
         let angles = Attitude {
             heading_rad: self.heading_rad,
-            pitch_rad: estimate.pitch_rad.unwrap_or(pitch_rad),
-            roll_rad: estimate.roll_rad.unwrap_or(roll_rad),
+            pitch_rad: pitch.unwrap_or(pitch_rad),
+            roll_rad: roll.unwrap_or(roll_rad),
         };
-        let mut of_angles = estimate.covariance_rad2 * inflation;
-        for (k, angle) in [(1, estimate.pitch_rad), (2, estimate.roll_rad)] {
+        let mut of_angles = self.estimate.noise_rad2() * inflation;
+        for (k, angle) in [(1, pitch), (2, roll)] {
             if angle.is_none() {
                 of_angles.row_mut(k).fill(0.0);
                 of_angles.column_mut(k).fill(0.0);
@@ -600,7 +631,8 @@ impl Known<'_> {
         }
         // φ = J⁻¹ δ(heading, pitch, roll)
         let by_angles = angles_from_rotation_vector(&angles).try_inverse()?;
-        let ned_from_body = estimate.ned_from_body.unwrap_or_else(|| angles.ned_from_body());
+        let whole = self.estimate.ned_from_body.filter(|_| pitch.is_some() && roll.is_some());
+        let ned_from_body = whole.unwrap_or_else(|| angles.ned_from_body());
         let covariance = by_angles * of_angles * by_angles.transpose();
         Some(MeasuredAttitude { ned_from_body, covariance })
     }

@@ -2,19 +2,21 @@
 //!
 //! The array is laid onto the measured points with their covariances ([`crate::attitude::coordinates`]).
 //! Receivers that are off, floating or jumped, betray themselves by the known distances and are left
-//! out, or the epoch is refused ([`consistency`]). Where nobody has measured the array, the data do
-//! ([`geometry`]).
+//! out, or the epoch is refused ([`consistency`]). Antennas on one line leave a turn open, of which
+//! the last whole attitude tells for a while ([`crate::attitude::line`]). Where nobody has measured
+//! the array, the data do ([`geometry`]).
 
 pub mod consistency;
 pub mod geometry;
 pub mod survey;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::array::AntennaArray;
 use crate::attitude::coordinates::MeasuredPoint;
+use crate::attitude::installation::survey_turn_rad2;
 use crate::attitude::weighted::logarithm;
-use crate::attitude::{AttitudeError, three_point};
+use crate::attitude::{AttitudeError, MeasuredLine, VerticalMemory, three_point};
 use crate::frames::{Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
 use crate::solution::{
     AttitudeEstimate, BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate, Reason,
@@ -68,6 +70,10 @@ pub struct Settings {
     pub method: Method,
     /// What the body cannot exceed in pitch or roll.
     pub max_tilt_rad: f64,
+    /// For antennas on one line: how far the angle that they cannot see may be from zero (1 sigma).
+    pub roll_sd_rad: f64,
+    /// Angles less certain than this are left out.
+    pub max_angle_sd_rad: f64,
     /// Points of the body that are wanted in the outside frame.
     pub points_m: Vec<Vector<Body>>,
 }
@@ -78,7 +84,16 @@ pub struct Orienter {
     settings: Settings,
 }
 
+/// One epoch with the array laid onto its antennas, as far as they keep the known distances.
+#[derive(Debug, Clone)]
+pub struct FittedEpoch {
+    time: GpsTime,
+    /// `None` without any antenna.
+    found: Option<(LocalEpoch, Result<Fit, NoFit>)>,
+}
+
 /// The antennas of one epoch in local level axes at the first one that is there.
+#[derive(Debug, Clone)]
 struct LocalEpoch {
     anchor: Geodetic,
     anchor_m: Vector<Ecef>,
@@ -117,25 +132,46 @@ impl Orienter {
         Some(consistency::variance_factor(points)?.sqrt())
     }
 
-    /// The row of one epoch.
+    /// What the orienter remembers from row to row, at the beginning.
     #[must_use]
-    pub fn push(&self, epoch: &PositionEpoch) -> EpochSolution {
-        let Some(local) = self.local(epoch) else {
-            return EpochSolution::lost(epoch.time, Reason::FewAntennas);
-        };
-        let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
+    pub fn memory(&self) -> VerticalMemory {
+        VerticalMemory::new(self.settings.roll_sd_rad)
+    }
+
+    /// The row of one epoch; epochs come in the order of time.
+    pub fn push(&self, epoch: &PositionEpoch, memory: &mut VerticalMemory) -> EpochSolution {
+        self.row(&self.fit(epoch), memory)
+    }
+
+    /// The work that an epoch makes: it needs none of the others.
+    #[must_use]
+    pub fn fit(&self, epoch: &PositionEpoch) -> FittedEpoch {
+        let found = self.local(epoch).map(|local| {
+            let points: Vec<MeasuredPoint> = local.points.iter().map(|p| p.point).collect();
+            let fit = consistency::consistent_fit(&points);
+            (local, fit.map(Fit::with_unbiased_information))
+        });
+        FittedEpoch { time: epoch.time, found }
+    }
+
+    /// The row of a fitted epoch, with what the rows before it know of the vertical.
+    pub fn row(&self, fitted: &FittedEpoch, memory: &mut VerticalMemory) -> EpochSolution {
+        let mut row = EpochSolution::lost(fitted.time, Reason::FewAntennas);
+        let Some((local, fit)) = &fitted.found else { return row };
         row.antennas = local.points.len();
-        row.position = Some(first_position(&local));
-        let points: Vec<MeasuredPoint> = local.points.iter().map(|p| p.point).collect();
-        match consistency::consistent_fit(&points) {
-            Ok(fit) => self.fill(&mut row, &local, &fit.with_unbiased_information()),
+        row.position = Some(first_position(local));
+        match fit {
+            Ok(fit) => self.fill(&mut row, local, fit, memory),
             Err(NoFit::TooFew) => {}
             Err(NoFit::Inconsistent) => {
                 refuse(&mut row, Reason::Geometry);
-                row.baselines = baselines(&local, |_| Status::Inconsistent);
+                row.baselines = baselines(local, |_| Status::Inconsistent);
             }
             Err(NoFit::TwoMinima) => refuse(&mut row, Reason::TwoMinima),
             Err(NoFit::BadInput) => refuse(&mut row, Reason::BadInput),
+        }
+        if let (Some(attitude), Status::Fixed) = (&row.attitude, row.status) {
+            memory.remember(row.time, attitude);
         }
         row
     }
@@ -165,7 +201,13 @@ impl Orienter {
     }
 
     /// Attitude, position, baselines and points of a consistent epoch.
-    fn fill(&self, row: &mut EpochSolution, local: &LocalEpoch, fit: &Fit) {
+    fn fill(
+        &self,
+        row: &mut EpochSolution,
+        local: &LocalEpoch,
+        fit: &Fit,
+        memory: &VerticalMemory,
+    ) {
         let used = |index: usize| fit.excluded != Some(index);
         row.antennas = local.points.len() - usize::from(fit.excluded.is_some());
         row.residual_rms_m = Some(fit.residual_rms_m);
@@ -176,26 +218,30 @@ impl Orienter {
                 |index| if used(index) { Status::Fixed } else { Status::Inconsistent },
             );
 
+        let points = local.points.iter().enumerate();
+        let points: Vec<LocalPoint> =
+            points.filter_map(|(index, point)| used(index).then_some(*point)).collect();
         let attitude = match (&fit.kind, self.settings.method) {
             (FitKind::Line { axis, direction }, _) => {
-                let (axis, unit) = (Vector::from_xyz(*axis), Vector::from_xyz(direction.unit));
-                match AttitudeEstimate::of_axis(&axis, &unit, &direction.covariance_rad2) {
-                    Some(attitude) => attitude,
-                    None => return refuse(row, Reason::Geometry),
-                }
+                let line = MeasuredLine {
+                    axis: Vector::from_xyz(*axis),
+                    direction: Vector::from_xyz(direction.unit),
+                    covariance_rad2: direction.covariance_rad2,
+                };
+                let vertical = memory.at(row.time, &line.axis);
+                let installation = line
+                    .ned_from_body(&vertical)
+                    .and_then(|rotation| self.survey_turn(&points, &rotation, Some(axis)));
+                AttitudeEstimate::of_line(&line, &vertical, &installation.unwrap_or_default())
             }
             (FitKind::Body { minimum, .. }, Method::Weighted) => {
                 let covariance = minimum.covariance().unwrap_or_default();
-                AttitudeEstimate::full(Rotation::from_matrix(minimum.rotation), &covariance)
+                let rotation = Rotation::from_matrix(minimum.rotation);
+                let installation = self.survey_turn(&points, &rotation, None).unwrap_or_default();
+                AttitudeEstimate::full(rotation, &covariance).with_installation(&installation)
             }
             (FitKind::Body { .. }, Method::ThreePoint) => {
-                match three_point_attitude(
-                    local
-                        .points
-                        .iter()
-                        .enumerate()
-                        .filter_map(|(index, point)| used(index).then_some(*point)),
-                ) {
+                match three_point_attitude(&points, self.settings.array_sd_m) {
                     Ok(attitude) => attitude,
                     Err(reason) => return refuse(row, reason),
                 }
@@ -205,7 +251,7 @@ impl Orienter {
         if tilt.into_iter().flatten().any(|angle| angle.abs() > self.settings.max_tilt_rad) {
             return refuse(row, Reason::Tilt);
         }
-        row.attitude = Some(attitude);
+        row.attitude = Some(attitude.certain_to(self.settings.max_angle_sd_rad));
         if let (FitKind::Body { minimum, normal }, Some(rotation)) =
             (&fit.kind, attitude.ned_from_body)
         {
@@ -229,6 +275,30 @@ impl Orienter {
                 })
                 .collect();
         }
+    }
+
+    /// What errors of the survey turn the body by, when it is laid onto these points.
+    fn survey_turn(
+        &self,
+        points: &[LocalPoint],
+        ned_from_body: &Rotation<Ned, Body>,
+        line: Option<&Vector3<f64>>,
+    ) -> Option<Matrix3<f64>> {
+        let (first, others) = points.split_first()?;
+        let array_sd_m = self.settings.array_sd_m;
+        let body: Vec<_> = others.iter().map(|p| p.point.body_m - first.point.body_m).collect();
+        // Baselines from the first of them share its noise.
+        let with_survey = |p: &LocalPoint| {
+            p.covariance_m2 + Matrix3::from_diagonal_element(array_sd_m * array_sd_m)
+        };
+        let mut covariance_m2 = DMatrix::from_fn(3 * body.len(), 3 * body.len(), |i, j| {
+            with_survey(first)[(i % 3, j % 3)]
+        });
+        for (block, point) in others.iter().enumerate() {
+            let mut own = covariance_m2.fixed_view_mut::<3, 3>(3 * block, 3 * block);
+            own += with_survey(point);
+        }
+        survey_turn_rad2(&body, &ned_from_body.matrix(), &covariance_m2, line, array_sd_m)
     }
 }
 
@@ -259,14 +329,15 @@ fn first_position(local: &LocalEpoch) -> PositionEstimate {
 
 /// The published closed form for the first three antennas, its covariance by central differences.
 fn three_point_attitude(
-    mut points: impl Iterator<Item = LocalPoint>,
+    points: &[LocalPoint],
+    array_sd_m: f64,
 ) -> Result<AttitudeEstimate, Reason> {
-    let mut next = || points.next().ok_or(Reason::FewAntennas);
-    let three = [next()?, next()?, next()?];
+    let [first, second, third, ..] = points else { return Err(Reason::FewAntennas) };
+    let three = [first, second, third];
     let body = three.map(|p| p.point.body_m);
     let measured = three.map(|p| p.point.measured_m);
     let rotation = three_point::attitude(&body, &measured).map_err(|_| Reason::Geometry)?;
-    let mut covariance = Matrix3::zeros();
+    let (mut noise, mut survey) = (Matrix3::zeros(), Matrix3::zeros());
     for (corner, point) in three.iter().enumerate() {
         for axis in 0..3 {
             let moved = |step: f64| {
@@ -277,10 +348,12 @@ fn three_point_attitude(
             };
             let difference = moved(DIFFERENCE_STEP_M)? - moved(-DIFFERENCE_STEP_M)?;
             let column = difference / (2.0 * DIFFERENCE_STEP_M);
-            covariance += column * column.transpose() * point.covariance_m2[(axis, axis)];
+            noise += column * column.transpose() * point.covariance_m2[(axis, axis)];
+            survey += column * column.transpose() * array_sd_m.powi(2);
         }
     }
-    Ok(AttitudeEstimate::full(Rotation::from_matrix(rotation), &covariance))
+    let attitude = AttitudeEstimate::full(Rotation::from_matrix(rotation), &(noise + survey));
+    Ok(attitude.with_installation(&survey))
 }
 
 fn first_three(positions: &[Vector<Body>]) -> Result<[Vector3<f64>; 3], AttitudeError> {

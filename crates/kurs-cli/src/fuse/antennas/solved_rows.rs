@@ -6,12 +6,14 @@ use anyhow::{Context, bail};
 use kurs::frames::{Geodetic, Rotation, Vector};
 use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
 use kurs::time::GpsTime;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::summary::Damage;
 
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
+/// The summary has means: of a single row not more than this share is the installation's.
+const MAX_INSTALLATION: f64 = 0.99;
 
 /// The rows in the order of the file, and what could not be used.
 pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damage>)> {
@@ -49,7 +51,37 @@ pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damag
     if rows.is_empty() {
         bail!("{name}: no usable row");
     }
+    if let Some(sd_rad) = installation_sd_rad(&path.with_file_name("summary.json"))? {
+        rows.iter_mut().filter_map(|row| row.attitude.as_mut()).for_each(|attitude| {
+            attitude.installation_rad2 = installation_part(&attitude.covariance_rad2, sd_rad);
+        });
+    }
     Ok((rows, damage))
+}
+
+/// `installation_sd_deg` of the summary beside the rows, heading, pitch, roll; `None` without it.
+fn installation_sd_rad(summary: &Path) -> anyhow::Result<Option<[f64; 3]>> {
+    if !summary.is_file() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(summary)
+        .with_context(|| format!("{}: cannot be read", summary.display()))?;
+    let file: serde_json::Value =
+        serde_json::from_str(&text).with_context(|| format!("{}: no JSON", summary.display()))?;
+    let of = &file["installation_sd_deg"];
+    let sd_rad = |angle: &str| of[angle].as_f64().unwrap_or(0.0).to_radians();
+    Ok(of.is_object().then(|| ["heading", "pitch", "roll"].map(sd_rad)))
+}
+
+/// The part of a covariance that these standard deviations of the installation make: `C − D C D` with
+/// what they leave of each standard deviation in `D`.
+fn installation_part(covariance_rad2: &Matrix3<f64>, sd_rad: [f64; 3]) -> Matrix3<f64> {
+    let left = Vector3::from_fn(|k, _| {
+        let share = sd_rad[k].powi(2) / covariance_rad2[(k, k)];
+        if share > 0.0 { (1.0 - share.min(MAX_INSTALLATION)).sqrt() } else { 1.0 }
+    });
+    let left = Matrix3::from_diagonal(&left);
+    covariance_rad2 - left * covariance_rad2 * left
 }
 
 /// One record by the names of its columns.
@@ -114,7 +146,9 @@ impl Fields<'_> {
             pitch_rad,
             roll_rad,
             covariance_rad2: covariance_deg2 * radian * radian,
+            installation_rad2: Matrix3::zeros(),
             ned_from_body: is_whole.then(|| Rotation::from_quaternion(quaternion)),
+            line_elevation_rad: angle("line_elevation_deg")?,
         }))
     }
 
