@@ -36,7 +36,10 @@ pub mod cycle_slip;
 
 pub mod difference;
 
+mod glonass_ifb;
+
 pub mod link_noise;
+
 pub mod float_solution;
 
 pub mod signal_residuals;
@@ -50,6 +53,8 @@ pub mod baseline;
 pub mod selection;
 
 pub mod engine;
+
+pub mod differential;
 
 // Beside the chain.
 pub mod orientation;

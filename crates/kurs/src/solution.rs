@@ -5,7 +5,7 @@ use core::fmt;
 use nalgebra::Matrix3;
 
 use crate::frames::{Body, Ecef, Enu, Geodetic, Ned, Rotation, Vector};
-use crate::signal::{Satellite, Signal, System};
+use crate::signal::{Band, Satellite, Signal, System};
 use crate::time::{Calendar, GpsTime};
 
 /// How far an epoch got; the words of the output column `status`.
@@ -60,6 +60,34 @@ pub enum Reason {
     Slip,
     /// Observations that cannot be used.
     BadInput,
+    /// An isolated fix of a weak model, which no other epoch confirms yet.
+    Unproven,
+    /// Integers of one arc disagree between epochs.
+    Contradiction,
+}
+
+/// One check of an epoch's integers: a statistic, and how probable one as bad as this is if all is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Check {
+    /// The reason that the row has where this check is the first to fail.
+    pub reason: Reason,
+    /// What was measured: a weighted sum of squares, or a value in the unit of its kind.
+    pub statistic: f64,
+    /// Its degrees of freedom; 0 where it has no distribution.
+    pub degrees_of_freedom: usize,
+    /// Probability of a value as bad as this or worse if nothing is wrong.
+    pub p_value: f64,
+    /// The least probability that is accepted.
+    pub level: f64,
+}
+
+impl Check {
+    /// Whether the epoch does not pass.
+    #[must_use]
+    pub fn fails(&self) -> bool {
+        // A value that is no number fails too.
+        !(self.p_value >= self.level)
+    }
 }
 
 /// What one epoch yields: one row of the outputs.
@@ -108,6 +136,10 @@ pub struct EpochSolution {
     pub prediction: Option<PredictionRole>,
     /// What the integers of this row do without; `None` if they are those of all observations.
     pub left_out: Option<LeftOut>,
+    /// Antennas that have observations and no part in the row, each with the reason.
+    pub idle_antennas: Vec<(usize, Reason)>,
+    /// What the integers went through, in this order; empty if none were found.
+    pub checks: Vec<Check>,
 }
 
 /// What was left out of an epoch, because with it the integers of the others did not fit.
@@ -120,6 +152,15 @@ pub enum LeftOut {
     System(System),
     /// All code.
     Code,
+    /// The phases of one satellite at one antenna.
+    Link {
+        /// Index of the antenna.
+        antenna: usize,
+        /// The satellite.
+        satellite: Satellite,
+    },
+    /// The phases of one band.
+    Band(Band),
 }
 
 /// What a predicted attitude did for an epoch.
@@ -198,6 +239,8 @@ pub struct AttitudeEstimate {
 /// Where a point is, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionEstimate {
+    /// Index of the antenna that stands there; `None` for the origin of the body.
+    pub antenna: Option<usize>,
     /// Geodetic coordinates.
     pub geodetic: Geodetic,
     /// The same point in ECEF, m.
@@ -262,6 +305,8 @@ impl EpochSolution {
             rivals: None,
             prediction: None,
             left_out: None,
+            idle_antennas: Vec::new(),
+            checks: Vec::new(),
         }
     }
 }
@@ -286,7 +331,7 @@ impl Status {
 
 impl Reason {
     /// Every reason, in the order of the documentation.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::FewSatellites,
         Self::FewAntennas,
         Self::NoEphemeris,
@@ -304,6 +349,8 @@ impl Reason {
         Self::Budget,
         Self::Slip,
         Self::BadInput,
+        Self::Unproven,
+        Self::Contradiction,
     ];
 
     /// The word in the outputs.
@@ -327,6 +374,8 @@ impl Reason {
             Self::Budget => "budget",
             Self::Slip => "slip",
             Self::BadInput => "bad_input",
+            Self::Unproven => "unproven",
+            Self::Contradiction => "contradiction",
         }
     }
 }

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::antenna_calibration::MountedAntenna;
+use kurs::differential::Differential;
 use kurs::engine::{Engine, Settings, SettingsError};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
@@ -126,7 +127,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::start(args.quiet);
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
-        let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
+        let row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
@@ -153,18 +154,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     bail!("{}", why_nothing(&summary, &streams, capable));
 }
 
-/// The engine of a configuration.
+/// The engine of a configuration, beside its station if it has one.
 pub(crate) fn engine(
     loaded: &Loaded,
     settings: Settings,
     navigation: NavigationData,
     mounts: Vec<Option<MountedAntenna>>,
-) -> anyhow::Result<Engine> {
+) -> anyhow::Result<Differential> {
     let unusable = |error: SettingsError| UsageError(error.to_string());
     let engine = Engine::new(settings, navigation).map_err(unusable)?.with_phase_centers(mounts);
-    let Some(station) = &loaded.config.station else { return Ok(engine) };
-    let [x, y, z] = station.position_ecef_m;
-    Ok(engine.with_station(Vector::new(x, y, z)).map_err(unusable)?)
+    let station = loaded.config.station.as_ref();
+    let station_m = station.map(|s| s.position_ecef_m).map(|[x, y, z]| Vector::new(x, y, z));
+    Ok(Differential::new(engine, station_m).map_err(unusable)?)
 }
 
 /// The row of an epoch of which no attitude can ever come: only one antenna has any observations.

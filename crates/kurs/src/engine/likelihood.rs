@@ -15,18 +15,13 @@
 
 use crate::float_solution::FloatSolution;
 
+use super::acceptance::Known;
+
 /// Degrees of freedom that the session's level of the code counts for at most against those of the epoch, because
 /// multipath changes from satellite to satellite and with time.
 const MAX_CODE: f64 = 100.0;
 /// The same of the phases.
 const MAX_PHASE: f64 = 50.0;
-
-/// Degrees of freedom with which the levels of the session are known.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
-    pub(super) code: f64,
-    pub(super) phase: f64,
-}
 
 /// Squares of one candidate.
 #[derive(Debug, Clone, Copy)]

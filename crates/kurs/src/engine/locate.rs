@@ -96,55 +96,92 @@ pub(super) fn locate(
     }
 }
 
-/// Approximate positions for all antennas at the instant of the first one that has a position.
+/// Leaves out the antennas that cannot take part – into `idle`, with the reason of each – and gives the
+/// approximate positions of the others at the instant of the first one. A pinned reference stays.
 ///
-/// An antenna without a position of its own takes that of the first one that has: over metres the
-/// linearisation is good to micrometres.
-pub(super) fn common_frame(located: &[Located]) -> Result<CommonFrame, Reason> {
+/// An antenna without a position of its own has too few satellites for a baseline too.
+pub(super) fn select(
+    located: &mut Vec<Located>,
+    is_pinned: bool,
+    idle: &mut Vec<(usize, Reason)>,
+) -> Result<CommonFrame, Reason> {
     if located.len() < 2 {
-        return Err(Reason::FewAntennas);
+        return Err(idle.last().map_or(Reason::FewAntennas, |(_, reason)| *reason));
     }
-    let positioned = located.iter().find_map(|l| Some((l, l.point.as_ref().ok()?)));
-    let Some((anchor, anchor_point)) = positioned else {
-        let seen = |l: &Located| l.tracked.len() < l.without_ephemeris;
-        let diverged = |l: &Located| matches!(l.point, Err(NoPosition::Diverged));
-        return Err(if located.iter().any(seen) {
-            Reason::NoEphemeris
-        } else if located.iter().any(diverged) {
-            Reason::BadInput
-        } else {
-            Reason::FewSatellites
+    let mut leave_out = |located: &mut Vec<Located>, reason: &dyn Fn(&Located) -> Option<Reason>| {
+        let mut index = 0;
+        located.retain(|one| {
+            let reason = reason(one).filter(|_| !(is_pinned && index == 0));
+            index += 1;
+            idle.extend(reason.map(|reason| (one.antenna, reason)));
+            reason.is_none()
         });
     };
-    let reference = &located[0];
-    let anchor_velocity = anchor.velocity.map_or(Vector::new(0.0, 0.0, 0.0), |v| v.velocity_mps);
-    let time_of = |l: &Located| {
-        let clock_m = l.point.as_ref().map_or(anchor_point.clock_m, |p| p.clock_m);
-        l.tag + -clock_m / SPEED_OF_LIGHT_MPS
-    };
+    leave_out(located, &|one| match one.point {
+        Ok(_) => None,
+        Err(_) if one.tracked.len() < one.without_ephemeris => Some(Reason::NoEphemeris),
+        Err(NoPosition::FewSatellites { .. } | NoPosition::Singular) => Some(Reason::FewSatellites),
+        Err(NoPosition::Diverged) => Some(Reason::BadInput),
+    });
+    let together = most_together(located, is_pinned);
+    leave_out(located, &|one| {
+        let is_apart = together.is_some_and(|t| (one.instant() - t).abs() > MAX_TIME_DIFFERENCE_S);
+        is_apart.then_some(Reason::TimeMismatch)
+    });
+    if located.len() < 2 {
+        // The reason of most of those that are missing; of equals the first.
+        let count = |reason: Reason| idle.iter().filter(|(_, other)| *other == reason).count();
+        let worst = idle.iter().map(|(_, reason)| *reason).rev().max_by_key(|r| count(*r));
+        return Err(worst.unwrap_or(Reason::FewAntennas));
+    }
+    Ok(common_frame(located))
+}
 
-    let reference_time = time_of(reference);
-    let mut positions_m = Vec::with_capacity(located.len());
+/// The instant of the antenna that most others were sampled together with; of a pinned reference its own.
+fn most_together(located: &[Located], is_pinned: bool) -> Option<GpsTime> {
+    let beside = |one: &Located| {
+        let is_together =
+            |other: &&Located| (other.instant() - one.instant()).abs() <= MAX_TIME_DIFFERENCE_S;
+        located.iter().filter(is_together).count()
+    };
+    let candidates = if is_pinned { &located[..located.len().min(1)] } else { located };
+    candidates.iter().rev().max_by_key(|one| beside(one)).map(Located::instant)
+}
+
+/// Approximate positions of antennas that all have one.
+fn common_frame(located: &[Located]) -> CommonFrame {
+    let reference = &located[0];
+    let velocity_mps = located
+        .iter()
+        .find_map(|one| one.velocity)
+        .map_or(Vector::new(0.0, 0.0, 0.0), |velocity| velocity.velocity_mps);
+    let mut positions_m: Vec<Vector<Ecef>> = Vec::with_capacity(located.len());
     let mut approximate_m = Vec::with_capacity(located.len() - 1);
     for one in located {
-        let later_s = time_of(one) - reference_time;
-        if later_s.abs() > MAX_TIME_DIFFERENCE_S {
-            return Err(Reason::TimeMismatch);
-        }
-        let position_m = one.point.as_ref().map_or(anchor_point.position_m, |p| p.position_m);
+        let own_m = one.point.as_ref().map(|point| point.position_m);
+        let position_m = own_m.unwrap_or_else(|_| positions_m[0]);
         positions_m.push(position_m);
         if one.antenna != reference.antenna {
+            let later_s = one.instant() - reference.instant();
             // The body moved on between the two receivers' instants: b = x₁(t₁) − x₀(t₀) − v (t₁ − t₀)
-            approximate_m.push(position_m - positions_m[0] - anchor_velocity * later_s);
+            approximate_m.push(position_m - positions_m[0] - velocity_mps * later_s);
         }
     }
-    Ok(CommonFrame {
+    CommonFrame {
         reference: reference.antenna,
         antennas: located.iter().map(|l| l.antenna).collect(),
         horizon: Horizon::at(positions_m[0]),
         positions_m,
         approximate_m,
-    })
+    }
+}
+
+impl Located {
+    /// True instant of the antenna's epoch: its tag less its clock bias.
+    fn instant(&self) -> GpsTime {
+        let clock_m = self.point.as_ref().map_or(0.0, |point| point.clock_m);
+        self.tag + -clock_m / SPEED_OF_LIGHT_MPS
+    }
 }
 
 /// The most satellites that any two antennas share (links are sorted by band and satellite, those

@@ -2,13 +2,13 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-use super::misfit::{Misfit, survey_covariance};
+use super::array_misfit::{Misfit, survey_covariance};
 
 use crate::array::{AntennaArray, Shape};
 use crate::attitude::installation::survey_turn_rad2;
 use crate::attitude::{MeasuredLine, VerticalMemory, joint};
 use crate::baseline::Baselines;
-use crate::chi_square::chi_square_tail;
+use crate::float_solution::Fit;
 use crate::frames::{Body, Ecef, Rotation, Vector};
 use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, Reason};
@@ -17,8 +17,6 @@ use crate::time::GpsTime;
 /// A second attitude whose χ² is worse by less than this is not told apart (99.9 %, one degree of
 /// freedom).
 const TWO_MINIMA_CHI2: f64 = 10.8;
-/// Fixed baselines whose misfit to the array is less probable than this do not come from this array.
-const MIN_PROBABLE_MISFIT: f64 = 1e-5;
 
 /// What is known of the body before an epoch.
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +37,8 @@ pub(super) struct KnownBody<'a> {
 #[derive(Debug)]
 pub(super) struct Orientation {
     pub(super) attitude: Result<AttitudeEstimate, Reason>,
+    /// How the baselines fit to the array; `None` where it has nothing but a length, or no known places.
+    pub(super) geometry: Option<Fit>,
     /// `None` where nothing is known that they could fit to.
     pub(super) misfit: Option<Misfit>,
 }
@@ -79,7 +79,7 @@ fn of_first_baseline(
     };
     let vertical = known.memory.at(known.time, &line.axis);
     let attitude = AttitudeEstimate::of_line(&line, &vertical, &Matrix3::zeros());
-    Orientation { attitude: Ok(attitude), misfit: None }
+    Orientation { attitude: Ok(attitude), geometry: None, misfit: None }
 }
 
 /// The antennas that have a baseline, as an array.
@@ -100,7 +100,7 @@ fn line(
     let vectors = vectors(baselines);
     let covariance_m2 = with_survey(baselines, known.array_sd_m);
     let Ok(solved) = joint::solve_direction(array, &vectors, &covariance_m2) else {
-        return Orientation { attitude: Err(Reason::Geometry), misfit: None };
+        return Orientation { attitude: Err(Reason::Geometry), geometry: None, misfit: None };
     };
     let ned_from_ecef = horizon.ned_from_ecef();
     let line = MeasuredLine {
@@ -118,9 +118,9 @@ fn line(
     });
     // The length of a single baseline was judged with its integers.
     let is_single = vectors.len() == 1;
-    let attitude = if !is_single && !is_probable(solved.chi_squared, solved.degrees_of_freedom) {
-        Err(Reason::Geometry)
-    } else if solved.cost_gap.is_some_and(|gap| gap < TWO_MINIMA_CHI2 / 2.0) {
+    let fit = Fit { sum: solved.chi_squared, degrees_of_freedom: solved.degrees_of_freedom };
+    let geometry = (!is_single).then_some(fit);
+    let attitude = if solved.cost_gap.is_some_and(|gap| gap < TWO_MINIMA_CHI2 / 2.0) {
         Err(Reason::TwoMinima)
     } else {
         let installation = installation.unwrap_or_default();
@@ -129,7 +129,7 @@ fn line(
     let misfit = ecef_from_body.map(|rotation| {
         in_body_axes(baselines, array, rotation, &solved.residuals_m, known.array_sd_m)
     });
-    Orientation { attitude, misfit }
+    Orientation { attitude, geometry, misfit }
 }
 
 /// All three angles: Wahba start, Newton with the full covariance of the baselines.
@@ -142,12 +142,10 @@ fn full(
     let covariance_m2 = with_survey(baselines, array_sd_m);
     let gap = TWO_MINIMA_CHI2 / 2.0;
     let Ok(solved) = joint::solve(array, &vectors(baselines), &covariance_m2, gap) else {
-        return Orientation { attitude: Err(Reason::Geometry), misfit: None };
+        return Orientation { attitude: Err(Reason::Geometry), geometry: None, misfit: None };
     };
     let ecef_from_body = solved.outside_from_body;
-    let attitude = if !is_probable(solved.chi_squared, solved.degrees_of_freedom) {
-        Err(Reason::Geometry)
-    } else if solved.uniqueness.is_ambiguous(gap) {
+    let attitude = if solved.uniqueness.is_ambiguous(gap) {
         Err(Reason::TwoMinima)
     } else {
         let (body, matrix) = (body_baselines(array), ecef_from_body.matrix());
@@ -157,7 +155,8 @@ fn full(
             .with_installation(&survey.unwrap_or_default()))
     };
     let misfit = in_body_axes(baselines, array, ecef_from_body, &solved.residuals_m, array_sd_m);
-    Orientation { attitude, misfit: Some(misfit) }
+    let fit = Fit { sum: solved.chi_squared, degrees_of_freedom: solved.degrees_of_freedom };
+    Orientation { attitude, geometry: Some(fit), misfit: Some(misfit) }
 }
 
 /// The baselines one by one.
@@ -173,11 +172,6 @@ fn body_baselines(array: &AntennaArray) -> Vec<nalgebra::Vector3<f64>> {
 /// How far measured baselines may be from the array as it was surveyed, m²: both are uncertain.
 fn with_survey(baselines: &Baselines, array_sd_m: f64) -> DMatrix<f64> {
     &baselines.covariance_m2 + survey_covariance(baselines.rovers.len(), array_sd_m)
-}
-
-/// Whether χ² is no larger than chance makes it for the known array.
-fn is_probable(chi_squared: f64, degrees_of_freedom: usize) -> bool {
-    chi_square_tail(chi_squared, degrees_of_freedom) >= MIN_PROBABLE_MISFIT
 }
 
 /// What the baselines leave against the array, and their covariance, in body axes.

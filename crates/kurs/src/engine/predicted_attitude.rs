@@ -15,14 +15,14 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::fix::{Fixer, Outcome, Verdict};
+use super::acceptance::Known;
+use super::array_misfit::survey_covariance;
+use super::fix::{Epoch, Fix};
 use super::locate::CommonFrame;
-use super::misfit::survey_covariance;
-use super::search::Problem;
+use super::search::{Problem, Searches};
 use super::settings::{Constraint, Settings};
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
-use crate::difference::Link;
 use crate::float_solution::FloatSolution;
 use crate::frames::{Body, Ned, Rotation, Vector, skew};
 use crate::sky::Horizon;
@@ -152,17 +152,17 @@ impl PredictedBaselines {
     }
 }
 
-impl Fixer {
+impl Searches {
     /// Integers that a predicted attitude makes sure where the epoch alone is not; of these fixes, too, a
     /// share of `max_wrong_fix_rate` may be wrong.
     pub(super) fn fix_with_prediction(
         &mut self,
         predicted: &PredictedBaselines,
-        float: &FloatSolution,
-        links: &[Link],
-        frame: &CommonFrame,
+        epoch: &Epoch,
         settings: &Settings,
-    ) -> Option<Outcome> {
+        known: Known,
+    ) -> Option<Fix> {
+        let Epoch { float, links, frame, .. } = epoch;
         let rate = settings.max_wrong_fix_rate;
         let array = settings.array.as_ref().filter(|_| settings.constraint != Constraint::None)?;
         if float.ambiguities_cycles.is_empty() {
@@ -173,15 +173,14 @@ impl Fixer {
             return None;
         }
         let informed = predicted.inform(float, frame)?;
-        let problem = self.problem(&informed, links, frame, settings, rate);
-        let found = self.searches.with_array(&problem, array).ok()?;
+        let problem = Problem { float: &informed, links, frame, settings, rate, known };
+        let found = self.with_array(&problem, array).ok()?;
         let alone = probability(float, &found.integers)?;
         if alone < MIN_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < MIN_PLAUSIBLE {
             return None;
         }
-        let mut outcome = Outcome::float(float, frame);
-        outcome.judge(&found, &Problem { float, ..problem });
-        (outcome.verdict == Verdict::Fixed).then_some(outcome)
+        let fix = Fix::of(found, &Problem { float, ..problem });
+        fix.is_accepted().then_some(fix)
     }
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::ambiguity::array_constrained::{ArrayCandidate, ArrayConstrained};
+use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
 use crate::ambiguity::search::IntegerLeastSquares;
 use crate::ambiguity::sphere::Length;
@@ -10,11 +11,12 @@ use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
 use crate::array::AntennaArray;
 use crate::difference::{self, Link};
-use crate::float_solution::{Conditional, FloatSolution};
+use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
 
 use super::code_free::CodeFree;
-use super::likelihood::{Known, Likelihood};
+use super::acceptance::Known;
+use super::likelihood::Likelihood;
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
 
@@ -44,12 +46,13 @@ pub(super) struct Problem<'a> {
 }
 
 /// The best integers and how they stand against the others.
+#[derive(Debug, Clone)]
 pub(super) struct Found {
     /// In the order of the float solution's ambiguities, cycles.
     pub(super) integers: Vec<f64>,
-    /// What they cost, and how many degrees of freedom that has if they are right.
-    pub(super) cost: f64,
-    pub(super) degrees_of_freedom: usize,
+    /// What they cost in the metric of the float solution, and how many degrees of freedom that has if they
+    /// are right.
+    pub(super) fit: Fit,
     /// Second-best over best cost.
     pub(super) ratio: f64,
     /// Probability of the other candidates over that of the best.
@@ -58,7 +61,7 @@ pub(super) struct Found {
     pub(super) success_rate: f64,
     /// Whether the integers of single baselines agree around triangles of antennas; those of a joint
     /// search always do.
-    pub(super) close: bool,
+    pub(super) closes: bool,
 }
 
 /// The searches with their memory.
@@ -104,15 +107,13 @@ impl Searches {
         }
     }
 
-    /// What the model of the last search promised, for one that came to no end.
-    pub(super) fn predicted_success(&self, constraint: Constraint) -> Option<f64> {
-        let decorrelation = match constraint {
+    /// Of the last search under this constraint.
+    pub(super) fn decorrelation(&self, constraint: Constraint) -> &Decorrelation {
+        match constraint {
             Constraint::None => self.free.decorrelation(),
             Constraint::Length => self.length.decorrelation(),
             Constraint::Array => self.array.decorrelation(),
-        };
-        let variances = decorrelation.conditional_variances();
-        (!variances.is_empty()).then(|| bootstrapped_success_rate(variances))
+        }
     }
 
     /// All ambiguities of all baselines together, nothing known of the geometry.
@@ -188,7 +189,7 @@ impl Searches {
     /// sure without them stays so.
     fn lengths_or_free(&mut self, problem: &Problem, array: &AntennaArray) -> Result<Found, Reason> {
         let lengths = self.with_lengths(problem, array);
-        let sure = |found: &Found| found.rivals <= problem.rate && found.close;
+        let sure = |found: &Found| found.rivals <= problem.rate && found.closes;
         if problem.float.rovers.len() < 2 || lengths.as_ref().is_ok_and(sure) {
             return lengths;
         }
@@ -211,12 +212,11 @@ impl Searches {
         }
         let mut joint = Found {
             integers: Vec::new(),
-            cost: 0.0,
-            degrees_of_freedom: 0,
+            fit: Fit::default(),
             ratio: f64::INFINITY,
             rivals: 0.0,
             success_rate: 1.0,
-            close: true,
+            closes: true,
         };
         let mut corrections_m = DVector::zeros(float.correction_m.len());
         for (block, rover) in float.rovers.iter().enumerate() {
@@ -234,15 +234,15 @@ impl Searches {
             let (found, conditional) =
                 self.one_length(problem, &pair, approximate_m, length(*rover))?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
-            joint.cost += found.cost;
-            joint.degrees_of_freedom += found.degrees_of_freedom;
+            joint.fit.sum += found.fit.sum;
+            joint.fit.degrees_of_freedom += found.fit.degrees_of_freedom;
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
             joint.success_rate *= found.success_rate;
         }
         let cycles = float.cycles(&corrections_m);
         joint.integers = cycles.iter().map(|cycles| cycles.round()).collect();
-        joint.close = cycles.iter().all(|c| (c - c.round()).abs() <= MAX_CLOSURE_CYCLES);
+        joint.closes = cycles.iter().all(|c| (c - c.round()).abs() <= MAX_CLOSURE_CYCLES);
         Ok(joint)
     }
 
@@ -286,12 +286,11 @@ impl Problem<'_> {
         let likelihood = Likelihood::new(float, self.known, constrained);
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
-            cost: *cost,
-            degrees_of_freedom: integers.len() + constrained,
+            fit: Fit { sum: *cost, degrees_of_freedom: integers.len() + constrained },
             ratio: others.first().map_or(proven_to, |(_, cost)| *cost) / cost.max(1e-12),
             rivals: likelihood.rivals(float, candidates.iter().copied(), proven_to),
             success_rate,
-            close: true,
+            closes: true,
         })
     }
 }

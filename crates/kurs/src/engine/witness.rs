@@ -102,18 +102,13 @@ impl Claim<'_> {
     ) -> (usize, usize) {
         let (mut common, mut different) = (0, 0);
         for group in self.groups {
-            let links = &self.links[group.clone()];
-            let of_group = &departures[group.clone()];
-            let first = links.as_ptr_range().start;
-            let index = |link: &Link| {
-                links.iter().position(|other| core::ptr::eq(other, link)).unwrap_or(0)
-            };
-            let _ = first;
-            let usable = |link: &Link| {
-                of_group[index(link)].is_some() && without != Some((link.antenna, link.satellite))
-            };
-            for row in combinations(links, usable) {
-                let sum: f64 = row.iter().filter_map(|(e, s)| Some(s * of_group[*e]?)).sum();
+            let of_group = self.links[group.clone()].iter().zip(&departures[group.clone()]);
+            let (links, departures): (Vec<Link>, Vec<f64>) = of_group
+                .filter(|(link, _)| without != Some((link.antenna, link.satellite)))
+                .filter_map(|(link, departure)| Some((*link, (*departure)?)))
+                .unzip();
+            for row in combinations(&links, |_| true) {
+                let sum: f64 = row.iter().map(|(link, sign)| sign * departures[*link]).sum();
                 common += 1;
                 different += usize::from(sum != 0.0);
             }

@@ -368,6 +368,7 @@ fn solution(filter: &ArmFilter, time: GpsTime) -> EpochSolution {
             line_elevation_rad: None,
         }),
         position: Some(PositionEstimate {
+            antenna: None,
             geodetic,
             position_m: Vector::from_xyz(motion.position_m),
             covariance_m2: ned_from_ecef.turn_covariance(&position_covariance),

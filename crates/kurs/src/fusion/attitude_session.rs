@@ -18,7 +18,8 @@ use super::attitude_filter::{
 use super::smoother::{Recorder, Smoothed};
 use super::time_order::{TimeOrder, TooLate};
 use crate::attitude::angles::angles_from_rotation_vector;
-use crate::engine::{Engine, PredictedAttitude};
+use crate::differential::Differential;
+use crate::engine::PredictedAttitude;
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
@@ -210,11 +211,11 @@ impl AttitudeSession {
     pub fn solve(
         &mut self,
         epoch: &ArrayEpoch,
-        engine: &mut Engine,
+        engine: &mut Differential,
         next: Option<(f64, ImuSample)>,
     ) -> EpochSolution {
         let predicted = self.predict(epoch.time, next);
-        engine.push_predicted(epoch, predicted.as_ref())
+        engine.push(epoch, predicted.as_ref())
     }
 
     /// The attitude at an epoch with this tag, from the rows and samples that have left the window and

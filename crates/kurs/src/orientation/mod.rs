@@ -308,6 +308,7 @@ fn refuse(row: &mut EpochSolution, reason: Reason) {
 
 fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEstimate {
     PositionEstimate {
+        antenna: None,
         geodetic: Geodetic::from_ecef(position_m),
         position_m,
         covariance_m2,
@@ -319,6 +320,7 @@ fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEs
 /// The first antenna, while the attitude is unknown.
 fn first_position(local: &LocalEpoch) -> PositionEstimate {
     PositionEstimate {
+        antenna: Some(local.points[0].antenna),
         geodetic: local.anchor,
         position_m: local.anchor_m,
         covariance_m2: local.points[0].covariance_m2,

@@ -172,6 +172,7 @@ impl Fields<'_> {
             _ => None,
         };
         Ok(Some(PositionEstimate {
+            antenna: None,
             geodetic,
             position_m: geodetic.to_ecef(),
             covariance_m2,

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::vec::IntoIter;
 
 use anyhow::{Context, bail};
-use kurs::engine::Engine;
+use kurs::differential::Differential;
 use kurs::fusion::attitude_session::{AttitudeSession, ImuSample};
 use kurs::fusion::time_order::TooLate;
 use kurs::observation::ArrayEpoch;
@@ -44,7 +44,7 @@ enum Kind {
 
 /// The chain of `kurs solve`.
 struct Observed {
-    engine: Engine,
+    engine: Differential,
     streams: Streams,
     epoch: ArrayEpoch,
     loaded: Loaded,

@@ -44,7 +44,7 @@ const MIN_SD_M: f64 = 0.0003;
 
 /// The biases of all pairs of receivers.
 #[derive(Debug, Default)]
-pub(super) struct ChannelBiases {
+pub(crate) struct GlonassIfb {
     /// By reference antenna, rover and band.
     of: BTreeMap<(usize, usize, Band), Estimate>,
     /// The phases of GLONASS in this epoch as they were observed.
@@ -76,11 +76,11 @@ struct Estimate {
     known: Option<(f64, f64)>,
 }
 
-impl ChannelBiases {
+impl GlonassIfb {
     /// Takes known biases out of the phases; unknown ones stay.
     ///
     /// Nothing is done where GLONASS is alone: no other system could tell a bias.
-    pub(super) fn apply(
+    pub(crate) fn apply(
         &mut self,
         links: &mut [Link],
         reference: usize,
@@ -123,7 +123,7 @@ impl ChannelBiases {
     }
 
     /// Whether the phase of this link may have a bias that is not known yet.
-    pub(super) fn is_unknown(&self, link: &Link) -> bool {
+    pub(crate) fn is_unknown(&self, link: &Link) -> bool {
         let of_link = |o: &Observed| {
             (o.antenna, o.satellite, o.band) == (link.antenna, link.satellite, link.signal.band)
         };
@@ -133,7 +133,7 @@ impl ChannelBiases {
     }
 
     /// Learns from a fixed epoch: corrections to the approximate baselines of `rovers`, m.
-    pub(super) fn learn(&mut self, rovers: &[usize], correction_m: &DVector<f64>) {
+    pub(crate) fn learn(&mut self, rovers: &[usize], correction_m: &DVector<f64>) {
         for (block, rover) in rovers.iter().enumerate() {
             let correction_m: Vector3<f64> = correction_m.fixed_rows::<3>(3 * block).into();
             let of_reference = self.observed.iter().filter(|o| o.antenna == self.reference);

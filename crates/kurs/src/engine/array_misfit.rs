@@ -19,21 +19,19 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
-use crate::chi_square::chi_square_tail;
+use crate::float_solution::Fit;
 use crate::time::GpsTime;
+
+use super::acceptance::Scale;
 
 /// Time in which what was learnt fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
 const FADING_S: f64 = 300.0;
 /// At least this share of the noise variance stays from epoch to epoch.
-const MIN_STAYING: f64 = 0.1;
+const MIN_PERSISTENCE: f64 = 0.1;
 /// Degrees of freedom of successive differences that "all of it stays" counts for at first.
-const STAYING_FREEDOM: f64 = 6.0;
+const PERSISTENCE_DEGREES: f64 = 6.0;
 /// Normalised square that one epoch counts for at most.
 const MAX_SQUARE: f64 = 40.0;
-/// A mean misfit less probable than this is not that of the known array,
-const MIN_PROBABLE: f64 = 1e-5;
-/// and in the first epochs, when the array has not proven itself yet, less than this over their number.
-const MIN_PROBABLE_AT_FIRST: f64 = 1e-2;
 
 /// What one epoch's baselines leave against the known places, in body axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +60,7 @@ pub(super) fn survey_covariance(baselines: usize, array_sd_m: f64) -> DMatrix<f6
 
 /// The misfit of the recent epochs together.
 #[derive(Debug, Clone, Default)]
-pub(super) struct MeanMisfit {
+pub(super) struct ArrayMisfit {
     antennas: Vec<usize>,
     array_sd_m: f64,
     /// `G` and `N`.
@@ -76,22 +74,19 @@ pub(super) struct MeanMisfit {
     last: Option<(DVector<f64>, DMatrix<f64>)>,
     /// Normalised squares of successive differences, and their degrees of freedom.
     changes: f64,
-    change_freedom: f64,
+    change_degrees: f64,
     time: Option<GpsTime>,
-    /// Epochs of the session, whatever antennas they had.
-    seen: usize,
 }
 
-impl MeanMisfit {
+impl ArrayMisfit {
     /// Takes an epoch in; one that is tried again, without some of its phases, counts once.
     pub(super) fn take(&mut self, misfit: &Misfit, time: GpsTime) {
         if self.time == Some(time) {
             return;
         }
         if self.antennas != misfit.antennas {
-            *self = Self { seen: self.seen, ..Self::of(misfit) };
+            *self = Self::of(misfit);
         }
-        self.seen += 1;
         let elapsed_s = self.time.map_or(0.0, |before| (time - before).max(0.0));
         self.time = Some(time);
         let keep = (-elapsed_s / FADING_S).exp();
@@ -99,7 +94,7 @@ impl MeanMisfit {
         self.gradient *= keep;
         self.epochs *= keep;
         self.changes *= keep;
-        self.change_freedom *= keep;
+        self.change_degrees *= keep;
         // An epoch that is too weak for an inverse adds nothing.
         let _ = self.add(misfit);
     }
@@ -147,7 +142,7 @@ impl MeanMisfit {
             let change = &shape - shape_before;
             let normal = (&covariance + covariance_before).cholesky()?;
             self.changes += change.dot(&normal.solve(&change));
-            self.change_freedom += change.len() as f64;
+            self.change_degrees += change.len() as f64;
         }
         self.last = Some((shape, covariance));
         self.information += information;
@@ -157,9 +152,9 @@ impl MeanMisfit {
     }
 
     /// Share `ρ` of the noise variance that stays from epoch to epoch.
-    fn staying(&self) -> f64 {
-        let changing = self.changes / (self.change_freedom + STAYING_FREEDOM);
-        (1.0 - changing).clamp(MIN_STAYING, 1.0)
+    fn persistence(&self) -> f64 {
+        let changing = self.changes / (self.change_degrees + PERSISTENCE_DEGREES);
+        (1.0 - changing).clamp(MIN_PERSISTENCE, 1.0)
     }
 
     /// `Nᵀ S N`
@@ -168,26 +163,20 @@ impl MeanMisfit {
         self.shapes.tr_mul(&of_baselines) * &self.shapes
     }
 
-    /// Whether the recent epochs together say that the array is not the known one.
-    pub(super) fn is_improbable(&self) -> bool {
-        let least = MIN_PROBABLE_AT_FIRST / self.seen.max(1) as f64;
-        self.probability() < least.max(MIN_PROBABLE)
-    }
-
-    /// Probability of a mean misfit as large as this or larger, if the array is right; 1 while
-    /// nothing is known.
-    fn probability(&self) -> f64 {
-        let freedom = self.gradient.len();
-        let together = 1.0 + (self.epochs - 1.0).max(0.0) * self.staying();
+    /// The mean misfit's square, and its probability if the array is right and the noise level what `scale`
+    /// says; 1 while nothing is known.
+    pub(super) fn judge(&self, scale: Scale) -> (Fit, f64) {
+        let degrees_of_freedom = self.gradient.len();
+        let together = scale.factor * (1.0 + (self.epochs - 1.0).max(0.0) * self.persistence());
         let survey_m2 = self.survey_m2(self.array_sd_m);
         let covariance =
             &self.information * together + &self.information * survey_m2 * &self.information;
-        match covariance.cholesky().filter(|_| freedom > 0) {
-            Some(factor) => {
-                chi_square_tail(self.gradient.dot(&factor.solve(&self.gradient)), freedom)
-            }
-            None => 1.0,
-        }
+        let Some(factor) = covariance.cholesky().filter(|_| degrees_of_freedom > 0) else {
+            return (Fit::default(), 1.0);
+        };
+        let sum = self.gradient.dot(&factor.solve(&self.gradient));
+        let unscaled = Scale { factor: 1.0, ..scale };
+        (Fit { sum, degrees_of_freedom }, unscaled.probability(sum, degrees_of_freedom))
     }
 }
 
@@ -198,9 +187,12 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::SeedableRng;
 
+    /// A level that is known well.
+    const KNOWN: Scale = Scale { factor: 1.0, degrees_of_freedom: 1e4 };
+
     /// Probabilities after 1, 10 and 100 epochs of three baselines with 6 mm of noise, of which this
     /// share stays, when the last antenna is `moved_m` from where it should be.
-    fn probabilities(moved_m: Vector3<f64>, staying: f64, seed: u64) -> [f64; 3] {
+    fn probabilities(moved_m: Vector3<f64>, persistence: f64, seed: u64) -> [f64; 3] {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut draw = |sd: f64| -> DVector<f64> {
             DVector::from_fn(9, |_, _| {
@@ -214,11 +206,11 @@ mod tests {
             Vector3::new(0.35, 0.85, -0.15),
         ];
         let sd_m = 0.006;
-        let stays = draw(sd_m * staying.sqrt());
-        let mut mean = MeanMisfit::default();
+        let stays = draw(sd_m * persistence.sqrt());
+        let mut mean = ArrayMisfit::default();
         let mut found = Vec::new();
         for epoch in 0..100 {
-            let mut residual_m = &stays + draw(sd_m * (1.0 - staying).sqrt());
+            let mut residual_m = &stays + draw(sd_m * (1.0 - persistence).sqrt());
             (0..3).for_each(|axis| residual_m[6 + axis] += moved_m[axis]);
             let covariance_m2 = DMatrix::identity(9, 9) * sd_m * sd_m;
             let antennas = vec![0, 1, 2, 3];
@@ -231,7 +223,7 @@ mod tests {
             };
             mean.take(&misfit, GpsTime::from_week_tow(2300, f64::from(epoch)).unwrap());
             if [0, 9, 99].contains(&epoch) {
-                found.push(mean.probability());
+                found.push(mean.judge(KNOWN).1);
             }
         }
         found.try_into().unwrap()
@@ -247,10 +239,10 @@ mod tests {
             covariance_m2: DMatrix::identity(3, 3) * 9e-6,
             array_sd_m: 0.0,
         };
-        let mut mean = MeanMisfit::default();
+        let mut mean = ArrayMisfit::default();
         let mut take = |longer_m, second| {
             mean.take(&of(longer_m), GpsTime::from_week_tow(2300, second).unwrap());
-            mean.is_improbable()
+            mean.judge(KNOWN).1 < 1e-5
         };
         assert!(!take(0.001, 0.0));
         assert!(take(0.5, 1.0));
@@ -260,10 +252,10 @@ mod tests {
 
     #[test]
     fn a_right_array_stays_probable() {
-        for staying in [0.0, 0.5, 1.0] {
+        for persistence in [0.0, 0.5, 1.0] {
             for seed in 0..30 {
-                let found = probabilities(Vector3::zeros(), staying, seed);
-                assert!(found.iter().all(|p| *p > 1e-4), "{staying}: {found:?}");
+                let found = probabilities(Vector3::zeros(), persistence, seed);
+                assert!(found.iter().all(|p| *p > 1e-4), "{persistence}: {found:?}");
             }
         }
     }

@@ -1,0 +1,216 @@
+//! Whether an epoch is fixed: one list of checks, each a statistic with its probability against one level.
+//!
+//! Two things may go wrong, and each has its own budget.
+//!
+//! * *Wrong integers accepted*: of the fixes a share of [`Settings::max_wrong_fix_rate`] may be wrong. The
+//!   likelihood of the other integers (`likelihood.rs`) is held against it.
+//! * *Right integers refused*: all other checks ask whether what was found is what right integers of the known
+//!   array would leave. Each refuses a right epoch with the probability [`FALSE_ALARM`].
+//!
+//! Noise levels are known with some degrees of freedom only, so sums of squares are judged by Fisher's
+//! distribution instead of χ² ([`Scale`]), for all checks alike.
+//!
+//! [`Settings::max_wrong_fix_rate`]: super::Settings::max_wrong_fix_rate
+
+use crate::chi_square::fisher_tail;
+use crate::float_solution::{Conditional, Fit};
+use crate::solution::{Check, PredictionRole, Reason, Status};
+
+use super::orientation::Orientation;
+use super::search::Found;
+use super::settings::{Constraint, Settings};
+use super::witness::Testimony;
+
+/// A hundredth of the share of epochs that any user notices as missing, one in a thousand, for each of ten
+/// checks: with ten times as many alarms single epochs get lost, with a tenth arrays wrong by some
+/// centimetres get through a few rows more.
+const FALSE_ALARM: f64 = 1e-5;
+/// Baselines that stay less certain than this, although the integers are known, have a geometry so poor that
+/// other integers fit as well, m.
+const MAX_FIXED_SD_M: f64 = 0.3;
+/// A model that was expected to be right less often than this is too weak to blame the rivals.
+const MIN_SUCCESS: f64 = 0.5;
+
+/// What is known of the noise level when an epoch is judged: a factor on its variances and the degrees of
+/// freedom behind it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scale {
+    pub(super) factor: f64,
+    pub(super) degrees_of_freedom: f64,
+}
+
+impl Scale {
+    /// Of phases whose level is known with `known` degrees of freedom, together with those of this epoch.
+    pub(super) fn with_epoch(known: f64, epoch: Fit) -> Self {
+        let degrees_of_freedom = known + epoch.degrees_of_freedom as f64;
+        Self { factor: (known + epoch.sum) / degrees_of_freedom, degrees_of_freedom }
+    }
+
+    /// Probability of a sum of squares as large as this or larger.
+    pub(super) fn probability(self, sum: f64, degrees_of_freedom: usize) -> f64 {
+        fisher_tail(sum / self.factor, degrees_of_freedom as f64, self.degrees_of_freedom)
+    }
+}
+
+/// The checks that an epoch went through, in their order.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Checks(pub(super) Vec<Check>);
+
+impl Checks {
+    /// Status and reason of the row: those of the first check that fails.
+    pub(super) fn verdict(&self) -> (Status, Option<Reason>) {
+        match self.0.iter().find(|check| check.fails()) {
+            None => (Status::Fixed, None),
+            Some(check) if is_unsure(check.reason) => (Status::Float, Some(check.reason)),
+            Some(check) => (Status::Inconsistent, Some(check.reason)),
+        }
+    }
+
+    /// Whether none fails.
+    pub(super) fn hold(&self) -> bool {
+        self.0.iter().all(|check| !check.fails())
+    }
+
+    fn judge(&mut self, reason: Reason, fit: Fit, scale: Scale) {
+        self.0.push(Check {
+            reason,
+            statistic: fit.sum,
+            degrees_of_freedom: fit.degrees_of_freedom,
+            p_value: scale.probability(fit.sum, fit.degrees_of_freedom),
+            level: FALSE_ALARM,
+        });
+    }
+
+    /// A check without a distribution: it holds or not.
+    fn demand(&mut self, reason: Reason, statistic: f64, holds: bool) {
+        let p_value = if holds { 1.0 } else { 0.0 };
+        self.0.push(Check {
+            reason,
+            statistic,
+            degrees_of_freedom: 0,
+            p_value,
+            level: FALSE_ALARM,
+        });
+    }
+
+    /// The integers of an epoch: whether others are improbable, and whether these fit at all.
+    pub(super) fn of_integers(
+        found: &Found,
+        conditional: &Conditional,
+        known: Known,
+        settings: &Settings,
+        rate: f64,
+    ) -> Self {
+        let mut checks = Self::default();
+        let certain_m = conditional.covariance_m2.diagonal().max().sqrt();
+        checks.demand(Reason::WeakModel, certain_m, certain_m <= MAX_FIXED_SD_M);
+        let weak = found.success_rate < MIN_SUCCESS;
+        checks.0.push(Check {
+            reason: if weak { Reason::SuccessRate } else { Reason::Ratio },
+            statistic: found.ratio,
+            degrees_of_freedom: 0,
+            p_value: 1.0 / (1.0 + found.rivals),
+            level: 1.0 / (1.0 + rate),
+        });
+        checks.demand(Reason::Closure, 0.0, found.closes);
+        let phases = Scale { factor: 1.0, degrees_of_freedom: known.phase };
+        checks.judge(Reason::Residuals, conditional.phase_fit, phases);
+        checks.judge(misfit_reason(settings), found.fit, known.all());
+        checks
+    }
+
+    /// The fixed baselines against the known array: their lengths, their shape, the attitude.
+    pub(super) fn of_orientation(
+        &mut self,
+        lengths: &[Fit],
+        orientation: &Orientation,
+        scale: Scale,
+        settings: &Settings,
+    ) {
+        for length in lengths {
+            self.judge(Reason::Length, *length, scale);
+        }
+        if let Some(geometry) = orientation.geometry {
+            self.judge(Reason::Geometry, geometry, scale);
+        }
+        match &orientation.attitude {
+            Err(reason) => self.demand(*reason, 0.0, false),
+            Ok(attitude) => {
+                let angles_rad = [attitude.pitch_rad, attitude.roll_rad].into_iter().flatten();
+                let tilt_rad = angles_rad.map(f64::abs).fold(0.0, f64::max);
+                self.demand(Reason::Tilt, tilt_rad, tilt_rad <= settings.max_tilt_rad);
+            }
+        }
+    }
+
+    /// The epochs before: the mean shape of the array, how well integers fitted, and whether they agree.
+    pub(super) fn of_session(
+        &mut self,
+        shape: (Fit, f64),
+        fit: (Fit, f64),
+        testimony: Option<Testimony>,
+        is_strong: bool,
+        settings: &Settings,
+    ) {
+        let mut session = |reason, (fit, p_value): (Fit, f64)| {
+            self.0.push(Check {
+                reason,
+                statistic: fit.sum,
+                degrees_of_freedom: fit.degrees_of_freedom,
+                p_value,
+                level: FALSE_ALARM,
+            });
+        };
+        session(Reason::Geometry, shape);
+        session(misfit_reason(settings), fit);
+        if let Some(testimony) = testimony {
+            let agrees = testimony != Testimony::Contradicts;
+            self.demand(Reason::Contradiction, 0.0, agrees);
+            let proven = is_strong || testimony == Testimony::Agrees;
+            self.demand(Reason::Unproven, 0.0, proven);
+        }
+    }
+
+    /// An attitude that was predicted from outside.
+    pub(super) fn of_prediction(&mut self, role: PredictionRole) {
+        self.demand(Reason::Residuals, 0.0, role != PredictionRole::Refused);
+    }
+}
+
+/// Degrees of freedom with which the session's levels are known.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    pub(super) code: f64,
+    pub(super) phase: f64,
+}
+
+impl Known {
+    /// Of a sum of squares of both kinds.
+    fn all(self) -> Scale {
+        Scale { factor: 1.0, degrees_of_freedom: self.code.min(self.phase) }
+    }
+}
+
+/// What to blame where integers do not fit: what they were constrained by.
+fn misfit_reason(settings: &Settings) -> Reason {
+    match settings.constraint {
+        Constraint::None => Reason::Residuals,
+        Constraint::Length => Reason::Length,
+        Constraint::Array if settings.antennas == 2 => Reason::Length,
+        Constraint::Array => Reason::Geometry,
+    }
+}
+
+/// Whether an epoch that fails for this reason is not sure, rather than contradicting what is known.
+fn is_unsure(reason: Reason) -> bool {
+    matches!(
+        reason,
+        Reason::WeakModel
+            | Reason::Ratio
+            | Reason::SuccessRate
+            | Reason::Unproven
+            | Reason::Slip
+            | Reason::Budget
+            | Reason::NoPhase
+    )
+}

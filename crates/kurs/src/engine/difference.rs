@@ -1,0 +1,147 @@
+//! Links of all antennas, their noise, double differences and the float solution.
+
+use crate::difference::{self, Link};
+use crate::ephemeris::NavigationData;
+use crate::float_solution::{FloatSolution, NoFloat};
+use crate::link_noise;
+use crate::observation::ArrayEpoch;
+use crate::solution::{EpochSolution, Reason};
+
+use super::estimator::Estimator;
+use super::fix::Epoch;
+use super::locate::{CommonFrame, Located, select, shared_satellites};
+use super::settings::Ambiguities;
+
+/// Outliers of the code hide each other; after two rounds hardly any is left.
+const MAX_REWEIGHTINGS: usize = 2;
+
+impl Estimator {
+    /// Double differences and the float solution of all antennas that can take part; those that cannot are
+    /// named in the row.
+    pub(super) fn difference(
+        &mut self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        located: &mut Vec<Located>,
+        row: &mut EpochSolution,
+    ) -> Result<Epoch, Reason> {
+        let is_pinned = self.settings.first_antenna_m.is_some();
+        loop {
+            let frame = select(located, is_pinned, &mut row.idle_antennas)?;
+            let mut links = core::mem::take(&mut self.links);
+            self.form_links(navigation, observed, located, &frame, &mut links);
+            let groups = difference::group(&mut links);
+            row.shared_satellites = row.shared_satellites.max(shared_satellites(&links));
+            match self.float(&mut links, &groups, &frame) {
+                Ok(float) => {
+                    let time = observed.time;
+                    return Ok(Epoch { time, frame, links, groups, float, began_anew: false });
+                }
+                Err(_) => {
+                    let weakest = weakest(located, &links, is_pinned);
+                    self.links = links;
+                    let reason = Reason::FewSatellites;
+                    let Some(weakest) = weakest.filter(|_| located.len() > 2) else {
+                        return Err(reason);
+                    };
+                    row.idle_antennas.push((located.remove(weakest).antenna, reason));
+                }
+            }
+        }
+    }
+
+    /// Observed less computed for every antenna, at its own reception time.
+    fn form_links(
+        &mut self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        located: &[Located],
+        frame: &CommonFrame,
+        links: &mut Vec<Link>,
+    ) {
+        links.clear();
+        let body_from_ecef =
+            self.ned_from_body.map(|n| n.inverse() * frame.horizon.ned_from_ecef());
+        for (located, position_m) in located.iter().zip(&frame.positions_m) {
+            let Some(epoch) = &observed.antennas[located.antenna] else { continue };
+            let antenna = difference::Antenna {
+                index: located.antenna,
+                epoch,
+                tracked: &located.tracked,
+                position_m: *position_m,
+                mount: self.mounts.get(located.antenna).and_then(Option::as_ref),
+                body_from_ecef,
+            };
+            let (settings, noise) = (&self.settings, &self.settings.noise);
+            let mask_rad = settings.elevation_mask_rad;
+            let wanted = |band| settings.wants(band);
+            difference::links(&antenna, navigation, noise, mask_rad, wanted, links);
+        }
+        if self.is_code_only() {
+            links.iter_mut().for_each(|link| link.phase_m = None);
+        }
+        // A bias that becomes known would be a cycle slip to what is carried on.
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            let channel = |satellite| navigation.ephemerides.glonass_channel(satellite);
+            self.glonass_ifb.apply(links, frame.reference, &self.settings.noise, channel);
+        }
+        // Phases of one arc are counted from the same whole cycle in all its epochs.
+        if let Some(memory) = &self.recursive {
+            let continuity = &self.continuity;
+            memory.align(links, |link| {
+                continuity.number(link.antenna, link.satellite, link.signal)
+            });
+        }
+    }
+
+    /// The float solution with the noise of the session, which learns from its code residuals. Until the
+    /// session is known, those of the epoch itself enter its weights.
+    fn float(
+        &mut self,
+        links: &mut [Link],
+        groups: &[core::ops::Range<usize>],
+        frame: &CommonFrame,
+    ) -> Result<FloatSolution, NoFloat> {
+        let a_priori: Vec<_> = links.iter().map(|link| link.variances).collect();
+        let is_young = self.levels.is_young();
+        self.weigh(links, groups);
+        let float = robust_float(links, groups, frame)?;
+        self.levels.learn_code(&float, links);
+        if !is_young {
+            return Ok(float);
+        }
+        links.iter_mut().zip(a_priori).for_each(|(link, variances)| link.variances = variances);
+        self.weigh(links, groups);
+        robust_float(links, groups, frame)
+    }
+
+    /// Variances of the links: levels of the session, edges, common errors of the bands.
+    fn weigh(&mut self, links: &mut [Link], groups: &[core::ops::Range<usize>]) {
+        self.levels.apply(links);
+        self.link_noise.apply(links, groups);
+    }
+}
+
+/// The float solution in which outliers of the code have little weight.
+fn robust_float(
+    links: &mut [Link],
+    groups: &[core::ops::Range<usize>],
+    frame: &CommonFrame,
+) -> Result<FloatSolution, NoFloat> {
+    let rovers: Vec<usize> = frame.rovers().collect();
+    let mut float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+    for _ in 0..MAX_REWEIGHTINGS {
+        let squares = float.code_squares(links);
+        if !link_noise::weigh_code_outliers(links, &squares) {
+            break;
+        }
+        float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+    }
+    Ok(float)
+}
+
+/// The antenna with the fewest links; never a pinned reference.
+fn weakest(located: &[Located], links: &[Link], is_pinned: bool) -> Option<usize> {
+    let links_of = |l: &Located| links.iter().filter(|link| link.antenna == l.antenna).count();
+    (usize::from(is_pinned)..located.len()).min_by_key(|i| links_of(&located[*i]))
+}

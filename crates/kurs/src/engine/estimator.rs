@@ -1,0 +1,350 @@
+//! The method, step by step, and what it remembers from epoch to epoch.
+
+use nalgebra::DVector;
+
+use crate::antenna_calibration::MountedAntenna;
+use crate::attitude::VerticalMemory;
+use crate::baseline::Baselines;
+use crate::cycle_slip::Continuity;
+use crate::difference::Link;
+use crate::ephemeris::NavigationData;
+use crate::float_solution::Fit;
+use crate::float_solution::recursive::RecursiveFloat;
+use crate::frames::{Attitude, Body, Ned, Rotation};
+use crate::glonass_ifb::GlonassIfb;
+use crate::link_noise::LinkNoise;
+use crate::observation::ArrayEpoch;
+use crate::solution::{EpochSolution, LeftOut, PredictionRole, Reason, Status};
+
+use super::PredictedAttitude;
+use super::acceptance::{Checks, Known, Scale};
+use super::array_misfit::ArrayMisfit;
+use super::fix::{Epoch, Fix};
+use super::locate::{Located, locate};
+use super::noise_levels::NoiseLevels;
+use super::orientation::{self, KnownBody, Orientation};
+use super::predicted_attitude::PredictedBaselines;
+use super::search::Searches;
+use super::session_fit::SessionFit;
+use super::settings::{Ambiguities, Settings, SettingsError};
+use super::subset::{Doubted, Subsets};
+use super::witness::{Claim, Witness};
+
+/// The estimator of one array, without its navigation data.
+#[derive(Debug)]
+pub(crate) struct Estimator {
+    pub(super) settings: Settings,
+    /// Phase centres of the antennas; empty if none is known.
+    pub(super) mounts: Vec<Option<MountedAntenna>>,
+    /// Buffers of the antennas.
+    located: Vec<Located>,
+    pub(super) links: Vec<Link>,
+    /// Arcs of continuous phase.
+    pub(super) continuity: Continuity,
+    /// What is known of their ambiguities; not in use where each epoch stands alone.
+    pub(super) recursive: Option<RecursiveFloat>,
+    pub(super) link_noise: LinkNoise,
+    pub(super) levels: NoiseLevels,
+    pub(super) glonass_ifb: GlonassIfb,
+    searches: Searches,
+    subsets: Subsets,
+    array_misfit: ArrayMisfit,
+    session_fit: SessionFit,
+    witness: Witness,
+    /// Of the last epoch that was fixed.
+    pub(super) ned_from_body: Option<Rotation<Ned, Body>>,
+    /// Of the last epoch that was fixed with three angles.
+    vertical: VerticalMemory,
+}
+
+/// An epoch with the integers that were found, or why there are none.
+#[derive(Debug)]
+pub(super) struct Fixed {
+    pub(super) epoch: Epoch,
+    pub(super) fix: Fix,
+    pub(super) left_out: Option<LeftOut>,
+    pub(super) baselines: Baselines,
+    /// Corrections to the approximate baselines that `baselines` holds, m.
+    pub(super) correction_m: DVector<f64>,
+    predicted: Option<PredictedBaselines>,
+    is_decided: bool,
+}
+
+/// The body of that epoch.
+#[derive(Debug)]
+pub(super) struct Oriented {
+    pub(super) fixed: Fixed,
+    pub(super) orientation: Orientation,
+}
+
+/// What becomes of it.
+#[derive(Debug)]
+pub(super) struct Judged {
+    pub(super) oriented: Oriented,
+    pub(super) checks: Checks,
+    pub(super) status: Status,
+    pub(super) reason: Option<Reason>,
+    pub(super) prediction: Option<PredictionRole>,
+}
+
+impl Estimator {
+    /// An estimator with these settings.
+    pub(crate) fn new(settings: Settings) -> Result<Self, SettingsError> {
+        settings.check()?;
+        let recursive = match settings.ambiguities {
+            Ambiguities::Instantaneous | Ambiguities::CodeOnly => None,
+            Ambiguities::Continuous(motion) => Some(RecursiveFloat::new(motion)),
+        };
+        Ok(Self {
+            recursive,
+            vertical: VerticalMemory::new(settings.roll_sd_rad),
+            settings,
+            mounts: Vec::new(),
+            located: Vec::new(),
+            links: Vec::new(),
+            continuity: Continuity::default(),
+            link_noise: LinkNoise::default(),
+            levels: NoiseLevels::default(),
+            glonass_ifb: GlonassIfb::default(),
+            searches: Searches::default(),
+            subsets: Subsets::default(),
+            array_misfit: ArrayMisfit::default(),
+            session_fit: SessionFit::default(),
+            witness: Witness::default(),
+            ned_from_body: None,
+        })
+    }
+
+    pub(super) fn set_phase_centers(&mut self, mounts: Vec<Option<MountedAntenna>>) {
+        self.mounts = mounts;
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Attitude, baselines and position of one epoch.
+    pub(crate) fn push(
+        &mut self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+    ) -> EpochSolution {
+        self.levels.begin(observed.time);
+        self.follow_phases(navigation, observed);
+        let mut located = core::mem::take(&mut self.located);
+        locate(observed, navigation, &self.settings, &mut located);
+        let mut row = self.row(navigation, observed, &located);
+        let judged = self
+            .difference(navigation, observed, &mut located, &mut row)
+            .map(|epoch| self.carry(epoch))
+            .map(|epoch| self.fix(epoch, predicted))
+            .map(|fixed| self.orient(fixed))
+            .map(|oriented| self.accept(oriented));
+        match judged {
+            Ok(judged) => {
+                self.fill(&mut row, &judged);
+                self.remember(&row, judged);
+            }
+            Err(reason) => row.reason = Some(reason),
+        }
+        self.located = located;
+        row
+    }
+
+    /// Looks for cycle slips of every antenna, also in epochs that give no solution.
+    fn follow_phases(&mut self, navigation: &NavigationData, observed: &ArrayEpoch) {
+        for (antenna, epoch) in observed.antennas.iter().enumerate() {
+            let Some(epoch) = epoch else { continue };
+            self.continuity.update(antenna, epoch, |satellite, band| {
+                band.wavelength_m(navigation.ephemerides.glonass_channel(satellite))
+            });
+        }
+    }
+
+    /// The float solution of the epoch with what earlier epochs know of its ambiguities.
+    fn carry(&mut self, mut epoch: Epoch) -> Epoch {
+        let Some(memory) = &mut self.recursive else { return epoch };
+        let continuity = &self.continuity;
+        let arc = |link: &Link| continuity.number(link.antenna, link.satellite, link.signal);
+        let approximate_m = epoch.frame.approximate();
+        epoch.float = memory.update(epoch.float, &epoch.links, &approximate_m, epoch.time, arc);
+        epoch.began_anew = memory.began_anew();
+        epoch
+    }
+
+    /// Degrees of freedom with which the noise levels are known.
+    fn known(&self) -> Known {
+        Known {
+            code: self.levels.code_degrees_of_freedom(),
+            phase: self.levels.phase_degrees_of_freedom(),
+        }
+    }
+
+    /// The integers: of the whole epoch, without a suspect where these are not accepted, and by the
+    /// prediction where the epoch alone is not sure.
+    fn fix(&mut self, mut epoch: Epoch, predicted: Option<&PredictedAttitude>) -> Fixed {
+        let (known, rate) = (self.known(), self.settings.max_wrong_fix_rate);
+        let Epoch { float, links, frame, .. } = &epoch;
+        let mut fix = self.searches.fix(float, links, frame, &self.settings, known, rate);
+        if let Ok(found) = &fix.found {
+            self.session_fit.take(found.fit, self.levels.weight(), epoch.time);
+        }
+        self.learn_phases(&epoch, &fix);
+
+        let (settings, glonass_ifb) = (&self.settings, &self.glonass_ifb);
+        // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
+        // those of the others: their messages are modulated in another way.
+        let is_unlike = |link: &Link| {
+            let is_geostationary = link.satellite.is_beidou_geo();
+            link.phase_m.is_some() && (is_geostationary || glonass_ifb.is_unknown(link))
+        };
+        let doubted =
+            Doubted { epoch: &epoch, fix: &fix, settings, known, is_unlike: &is_unlike };
+        let subset = self.subsets.find(&mut self.searches, &doubted);
+        let left_out = subset.as_ref().map(|subset| subset.left_out);
+        if let Some(subset) = subset {
+            (epoch.links, epoch.groups) = (subset.links, subset.groups);
+            (epoch.float, fix) = (subset.float, subset.fix);
+        }
+
+        let predicted =
+            predicted.and_then(|p| p.baselines(&epoch.float, &epoch.frame.horizon, settings));
+        let decided = predicted
+            .as_ref()
+            .filter(|predicted| predicted.may_decide && !fix.is_sure())
+            .and_then(|p| self.searches.fix_with_prediction(p, &epoch, settings, known));
+        let is_decided = decided.is_some();
+        let fix = decided.unwrap_or(fix);
+        let (baselines, correction_m) = fix.baselines(&epoch);
+        Fixed { epoch, fix, left_out, baselines, correction_m, predicted, is_decided }
+    }
+
+    /// The phase levels learn from integers that nobody chose because they fit: those of a strong model, and
+    /// those that earlier epochs have proven.
+    fn learn_phases(&mut self, epoch: &Epoch, fix: &Fix) {
+        let Epoch { float, links, .. } = epoch;
+        let proven = || {
+            let cycles = |link: &Link| self.witness.proven(link, &self.continuity);
+            float.integers_of(links, cycles).filter(|integers| !integers.is_empty())
+        };
+        let strong = fix.found.as_ref().ok().filter(|_| fix.is_strong() && fix.is_sure());
+        let Some(integers) = strong.map(|found| found.integers.clone()).or_else(proven) else {
+            return;
+        };
+        let Some(conditional) = float.conditional(&integers) else { return };
+        let fits: Vec<(Link, Fit)> = float
+            .phase_fits(&integers, &conditional.correction_m)
+            .map(|(first, fit)| (links[first], fit))
+            .collect();
+        self.levels.learn_phase(&fits, conditional.phase_fit.degrees_of_freedom);
+    }
+
+    fn orient(&self, fixed: Fixed) -> Oriented {
+        let known = KnownBody {
+            array: self.settings.array.as_ref(),
+            array_sd_m: self.settings.array_sd_m,
+            memory: &self.vertical,
+            time: fixed.epoch.time,
+            max_angle_sd_rad: self.settings.max_angle_sd_rad,
+        };
+        let horizon = &fixed.epoch.frame.horizon;
+        Oriented { orientation: orientation::orient(&fixed.baselines, horizon, &known), fixed }
+    }
+
+    /// Completes the list of checks; the first one that fails gives status and reason.
+    fn accept(&mut self, oriented: Oriented) -> Judged {
+        let Oriented { fixed, orientation } = &oriented;
+        let Fixed { epoch, fix, .. } = fixed;
+        if let Err(reason) = fix.found {
+            let reason = if epoch.began_anew { Reason::Slip } else { reason };
+            return Judged {
+                oriented,
+                checks: Checks::default(),
+                status: Status::Float,
+                reason: Some(reason),
+                prediction: None,
+            };
+        }
+        let mut checks = fix.checks.clone();
+        if fix.is_sure() {
+            let scale = Scale::with_epoch(self.levels.phase_degrees_of_freedom(), fix.phase_fit());
+            let lengths = self.lengths(&fixed.baselines);
+            checks.of_orientation(&lengths, orientation, scale, &self.settings);
+            if let Some(misfit) = &orientation.misfit {
+                self.array_misfit.take(misfit, epoch.time);
+            }
+            let shape = self.array_misfit.judge(scale);
+            let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
+            let testimony = checks.hold().then(|| self.hear(fixed));
+            checks.of_session(shape, fit, testimony, fix.is_strong(), &self.settings);
+        }
+        let prediction = fixed.predicted.as_ref().filter(|_| checks.hold());
+        let prediction = prediction.map(|p| p.role(&fixed.baselines, fixed.is_decided));
+        if let Some(role) = prediction {
+            checks.of_prediction(role);
+        }
+        let (status, reason) = checks.verdict();
+        let reason = match reason {
+            Some(Reason::Ratio | Reason::SuccessRate) if epoch.began_anew => Some(Reason::Slip),
+            other => other,
+        };
+        Judged { oriented, checks, status, reason, prediction }
+    }
+
+    /// What the accepted epochs before say of these integers.
+    fn hear(&mut self, fixed: &Fixed) -> super::witness::Testimony {
+        let Fixed { epoch, fix, .. } = fixed;
+        let integers = fix.found.as_ref().map(|found| found.integers.as_slice());
+        let cycles = epoch.float.whole_cycles(&epoch.links, integers.unwrap_or_default());
+        let claim = Claim {
+            links: &epoch.links,
+            groups: &epoch.groups,
+            cycles: &cycles,
+            continuity: &self.continuity,
+        };
+        let is_strong = fix.is_strong() || fixed.is_decided;
+        self.witness.hear(&claim, is_strong, self.levels.weight())
+    }
+
+    /// How far each baseline is from the length that the known array gives it, squared and normalised.
+    fn lengths(&self, baselines: &Baselines) -> Vec<Fit> {
+        let Some(array) = &self.settings.array else { return Vec::new() };
+        let positions_m = array.positions_m();
+        let reference = positions_m[baselines.reference];
+        let of_rover = |(block, rover): (usize, &usize)| {
+            let known_m = (positions_m[*rover] - reference).norm();
+            let (found_m, sd_m) = baselines.length_m(block);
+            let variance_m2 = sd_m * sd_m + 2.0 * self.settings.array_sd_m.powi(2);
+            Fit { sum: (found_m - known_m).powi(2) / variance_m2, degrees_of_freedom: 1 }
+        };
+        baselines.rovers.iter().enumerate().map(of_rover).collect()
+    }
+
+    /// What later epochs need of this one.
+    fn remember(&mut self, row: &EpochSolution, judged: Judged) {
+        let fixed = judged.oriented.fixed;
+        if row.status == Status::Fixed {
+            self.glonass_ifb.learn(&fixed.baselines.rovers, &fixed.correction_m);
+            self.remember_axes(row);
+        }
+        self.links = fixed.epoch.links;
+    }
+
+    /// Keeps the body's axes of a fixed epoch; angles that antennas on one line leave open count as
+    /// zero.
+    fn remember_axes(&mut self, row: &EpochSolution) {
+        let Some(attitude) = row.attitude else { return };
+        self.vertical.remember(row.time, &attitude);
+        let Some(heading_rad) = attitude.heading_rad else { return };
+        let (pitch_rad, roll_rad) =
+            (attitude.pitch_rad.unwrap_or(0.0), attitude.roll_rad.unwrap_or(0.0));
+        self.ned_from_body = Some(Attitude { heading_rad, pitch_rad, roll_rad }.ned_from_body());
+    }
+
+    /// Whether double differences without phases are all that is wanted.
+    pub(super) fn is_code_only(&self) -> bool {
+        self.settings.ambiguities == Ambiguities::CodeOnly
+    }
+
+}

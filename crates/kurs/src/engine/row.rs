@@ -1,0 +1,93 @@
+//! The row of an epoch: what each antenna says by itself, then what the array says.
+
+use crate::ephemeris::NavigationData;
+use crate::frames::{Geodetic, Vector};
+use crate::observation::ArrayEpoch;
+use crate::signal::SPEED_OF_LIGHT_MPS;
+use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
+use crate::solution::{EpochSolution, PointEstimate, PositionEstimate, Reason};
+
+use super::estimator::{Estimator, Judged};
+use super::locate::Located;
+use super::settings::Settings;
+
+impl Estimator {
+    /// The row as far as single antennas give it: it is lost until the array gives more.
+    pub(super) fn row(
+        &self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        located: &[Located],
+    ) -> EpochSolution {
+        let mut row = EpochSolution::lost(observed.time, Reason::FewAntennas);
+        row.antennas = located.len();
+        let positioned = located.iter().find_map(|l| Some((l, l.point.as_ref().ok()?)));
+        let Some((located, point)) = positioned else { return row };
+        // The instant of that antenna: its tag less its clock bias.
+        let time = located.tag + -point.clock_m / SPEED_OF_LIGHT_MPS;
+        row.time_utc = Some(navigation.utc(time));
+        let ned_from_ecef = point.horizon.ned_from_ecef();
+        row.position = Some(PositionEstimate {
+            antenna: Some(located.antenna),
+            geodetic: point.horizon.geodetic,
+            position_m: point.position_m,
+            covariance_m2: ned_from_ecef.turn_covariance(&point.covariance_m2),
+            velocity_mps: located.velocity.map(|v| ned_from_ecef * v.velocity_mps),
+            clock_m: Some(point.clock_m),
+        });
+        row
+    }
+
+    /// Adds what was found of the array.
+    pub(super) fn fill(&self, row: &mut EpochSolution, judged: &Judged) {
+        let fixed = &judged.oriented.fixed;
+        let (epoch, fix) = (&fixed.epoch, &fixed.fix);
+        (row.status, row.reason) = (judged.status, judged.reason);
+        row.checks.clone_from(&judged.checks.0);
+        row.prediction = judged.prediction;
+        row.left_out = fixed.left_out;
+        row.satellites = epoch.float.satellites;
+        row.ambiguities = epoch.float.ambiguities_cycles.len();
+        row.success_rate = fix.success_rate;
+        row.ratio = fix.found.as_ref().ok().map(|found| found.ratio);
+        row.residual_rms_m = fix.conditional.as_ref().map(|c| c.residual_rms_m);
+        row.baselines = fixed.baselines.local(&epoch.frame.horizon, judged.status);
+        row.attitude = judged.oriented.orientation.attitude.clone().ok();
+        if self.settings.residuals {
+            let found = fix.found.as_ref().ok();
+            let sure = found.filter(|_| fix.is_sure());
+            let solved = Solved {
+                rovers: &fixed.baselines.rovers,
+                correction_m: &fixed.correction_m,
+                integers: sure.map(|found| found.integers.as_slice()),
+            };
+            row.residuals = signal_residuals(&epoch.links, &epoch.groups, &solved);
+            if let Some(found) = found {
+                row.integers = integer_sums(&epoch.links, &epoch.groups, &found.integers);
+                row.rivals = Some(found.rivals);
+            }
+        }
+        place_body(row, &self.settings);
+    }
+}
+
+/// Moves the position from its antenna to the body origin, and gives the wanted points, once the attitude is
+/// known: `G = A + Q (g − l)` (seed 004, equation 27).
+pub(crate) fn place_body(row: &mut EpochSolution, settings: &Settings) {
+    let (Some(array), Some(position)) = (&settings.array, &mut row.position) else { return };
+    let ned_from_body = row.attitude.as_ref().and_then(|a| a.ned_from_body);
+    let (Some(ned_from_body), Some(antenna)) = (ned_from_body, position.antenna) else { return };
+    let ecef_from_body = position.geodetic.ecef_from_ned() * ned_from_body;
+    let (antenna, antenna_m) = (array.positions_m()[antenna], position.position_m);
+    let at = |point| antenna_m + ecef_from_body * (point - antenna);
+    let covariance_m2 = position.covariance_m2;
+    let points = settings.points_m.iter().enumerate().map(|(index, point)| PointEstimate {
+        index,
+        geodetic: Geodetic::from_ecef(at(*point)),
+        covariance_m2,
+    });
+    row.points = points.collect();
+    position.antenna = None;
+    position.position_m = at(Vector::new(0.0, 0.0, 0.0));
+    position.geodetic = Geodetic::from_ecef(position.position_m);
+}
