@@ -88,6 +88,7 @@ def solve(row, arguments, folder):
     name, recording, bands, constraint, keys = row
     keys = dict(keys)
     bases, rovers, navigation, truth = files(recording, os.path.abspath(arguments.data))
+    told_wrong = "off_m" in keys
     length_m = LENGTHS[truth] + keys.pop("off_m", 0.0)
     configuration = ""
     for antenna, observations, x in (("base", bases, 0.0), ("rover", rovers, length_m)):
@@ -97,7 +98,7 @@ def solve(row, arguments, folder):
     if navigation:
         configuration += f"[nav]\nfiles = {json.dumps(navigation)}\n"
     keys = {"ambiguity": "instantaneous", "constraint": constraint, "max_tilt_deg": 180} | keys
-    if constraint != "none":
+    if constraint != "none" and not told_wrong:
         keys["array_sd_m"] = 0.01
     if bands:
         keys["bands"] = bands.split(",")

@@ -313,52 +313,20 @@ impl FloatSolution {
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
     }
 
-    /// Weighted sum of squared residuals of each group's code, with its number of double differences and
-    /// the first of its links.
-    pub fn code_fits(&self) -> impl Iterator<Item = (usize, Fit)> {
-        self.codes.iter().map(|codes| {
-            let sum = (&codes.misclosure - &codes.design * &self.correction_m).norm_squared();
-            (codes.first_link, Fit { sum, degrees_of_freedom: codes.misclosure.len() })
-        })
-    }
-
-    /// Normalised squares `ê²/σ²` of the links' code, over the share of a link's error that double
-    /// differences show (their number over that of the links): 1 is what to expect.
+    /// Normalised squares `ê²/σ²` of the links' code, over the share of a link's error that residuals show (their
+    /// degrees of freedom over the number of links): 1 is what to expect. Empty without redundancy.
     pub fn code_squares(&self, links: &[Link]) -> Vec<(usize, f64)> {
         let mut squares: Vec<(usize, f64)> = Vec::new();
         for codes in &self.codes {
             // ê = Σ Dᵀ L⁻ᵀ (L⁻¹ r)
             let mut weighted = &codes.misclosure - &codes.design * &self.correction_m;
             codes.factor.l_dirty().tr_solve_lower_triangular_mut(&mut weighted);
-            let begin = squares.len();
             spread(&codes.combinations, codes.first_link, &weighted, &mut squares);
-            let shown = codes.combinations.len() as f64 / (squares.len() - begin).max(1) as f64;
-            for (link, value) in &mut squares[begin..] {
-                *value = links[*link].variances.code_m2 * value.powi(2) / shown;
-            }
         }
+        normalise(&mut squares, self.code_fit.degrees_of_freedom, |link| {
+            links[link].variances.code_m2
+        });
         squares
-    }
-
-    /// Weighted sum of squared phase residuals of each group of phases, with its number of double
-    /// differences and the first of its links, for these integers and baselines.
-    pub fn phase_fits<'a>(
-        &'a self,
-        integers: &'a [f64],
-        correction_m: &'a DVector<f64>,
-    ) -> impl Iterator<Item = (usize, Fit)> + 'a {
-        let mut first = 0;
-        self.phases.iter().map(move |phases| {
-            let count = phases.misclosure_m.len();
-            let mut residual_m = &phases.misclosure_m - &phases.design * correction_m;
-            for i in 0..count {
-                residual_m[i] -= phases.wavelengths_m[i] * integers[first + i];
-            }
-            first += count;
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut residual_m);
-            let sum = residual_m.norm_squared();
-            (phases.first_link, Fit { sum, degrees_of_freedom: count })
-        })
     }
 
     /// Normalised squares of the links' phases with these integers and baselines, as
@@ -379,13 +347,10 @@ impl FloatSolution {
             }
             first += count;
             phases.factor.solve_mut(&mut weighted);
-            let begin = squares.len();
             spread(&phases.combinations, phases.first_link, &weighted, &mut squares);
-            let shown = count as f64 / (squares.len() - begin).max(1) as f64;
-            for (link, value) in &mut squares[begin..] {
-                *value = links[*link].variances.phase_m2 * value.powi(2) / shown;
-            }
         }
+        let degrees_of_freedom = first.saturating_sub(correction_m.len());
+        normalise(&mut squares, degrees_of_freedom, |link| links[link].variances.phase_m2);
         squares
     }
 
@@ -427,13 +392,15 @@ impl FloatSolution {
         of_phases.collect()
     }
 
-    /// How far these corrections are from those of code alone (with what earlier epochs know):
-    /// `(x − x̂)ᵀ Q_x̂⁻¹ (x − x̂)`; `None` if the covariance is singular.
+    /// By how much the weighted squares of the epoch's code grow if the corrections are these instead of
+    /// those that code alone gives.
     #[must_use]
-    pub fn squared_distance(&self, correction_m: &DVector<f64>) -> Option<f64> {
-        let off = correction_m - &self.correction_m;
-        let factor = self.covariance_m2.clone().cholesky()?;
-        Some(off.dot(&factor.solve(&off)))
+    pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
+        let of_group = |codes: &Codes| {
+            (&codes.misclosure - &codes.design * correction_m).norm_squared()
+        };
+        let sum: f64 = self.codes.iter().map(of_group).sum();
+        if self.without_code { 0.0 } else { (sum - self.code_fit.sum).max(0.0) }
     }
 
     /// Whether earlier epochs enter.
@@ -547,6 +514,21 @@ fn spread(
     }
     let found = sums.iter().enumerate().filter_map(|(edge, sum)| Some((first_link + edge, (*sum)?)));
     links.extend(found);
+}
+
+/// From `ê/σ²` of each link to `ê²/σ²` over the share of the errors that the residuals show.
+fn normalise(
+    links: &mut Vec<(usize, f64)>,
+    degrees_of_freedom: usize,
+    variance_m2: impl Fn(usize) -> f64,
+) {
+    if degrees_of_freedom == 0 {
+        links.clear();
+    }
+    let shown = degrees_of_freedom as f64 / links.len().max(1) as f64;
+    for (link, value) in links {
+        *value = variance_m2(*link) * value.powi(2) / shown;
+    }
 }
 
 fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {

@@ -97,6 +97,7 @@ impl Checks {
     pub(super) fn of_integers(
         found: &Found,
         conditional: &Conditional,
+        misfit: Fit,
         known: Known,
         settings: &Settings,
         rate: f64,
@@ -115,7 +116,7 @@ impl Checks {
         checks.demand(Reason::Closure, 0.0, found.closes);
         let phases = Scale { factor: 1.0, degrees_of_freedom: known.phase };
         checks.judge(Reason::Residuals, conditional.phase_fit, phases);
-        checks.judge(misfit_reason(settings), found.fit, known.all());
+        checks.judge(misfit_reason(settings), misfit, known.all());
         checks
     }
 

@@ -106,7 +106,8 @@ impl Estimator {
         let is_young = self.levels.is_young();
         self.weigh(links, groups);
         let float = robust_float(links, groups, frame)?;
-        self.levels.learn_code(&float, links);
+        let degrees_of_freedom = float.code_fit.degrees_of_freedom;
+        self.levels.learn_code(links, &float.code_squares(links), degrees_of_freedom);
         if !is_young {
             return Ok(float);
         }

@@ -24,7 +24,7 @@ use super::locate::{Located, locate};
 use super::noise_levels::NoiseLevels;
 use super::orientation::{self, KnownBody, Orientation};
 use super::predicted_attitude::PredictedBaselines;
-use super::search::Searches;
+use super::search::{Problem, Searches};
 use super::session_fit::SessionFit;
 use super::settings::{Ambiguities, Settings, SettingsError};
 use super::subset::{Doubted, Subsets};
@@ -186,9 +186,11 @@ impl Estimator {
     fn fix(&mut self, mut epoch: Epoch, predicted: Option<&PredictedAttitude>) -> Fixed {
         let (known, rate) = (self.known(), self.settings.max_wrong_fix_rate);
         let Epoch { float, links, frame, .. } = &epoch;
-        let mut fix = self.searches.fix(float, links, frame, &self.settings, known, rate);
-        if let Ok(found) = &fix.found {
-            self.session_fit.take(found.fit, self.levels.weight(), epoch.time);
+        let doubt = self.session_fit.doubt();
+        let problem = Problem { float, links, frame, settings: &self.settings, rate, known, doubt };
+        let mut fix = self.searches.fix(&problem);
+        if fix.found.is_ok() {
+            self.session_fit.take(fix.misfit, self.levels.weight(), epoch.time);
         }
         self.learn_phases(&epoch, &fix);
 
@@ -200,7 +202,7 @@ impl Estimator {
             link.phase_m.is_some() && (is_geostationary || glonass_ifb.is_unknown(link))
         };
         let doubted =
-            Doubted { epoch: &epoch, fix: &fix, settings, known, is_unlike: &is_unlike };
+            Doubted { epoch: &epoch, fix: &fix, settings, known, doubt, is_unlike: &is_unlike };
         let subset = self.subsets.find(&mut self.searches, &doubted);
         let left_out = subset.as_ref().map(|subset| subset.left_out);
         if let Some(subset) = subset {
@@ -233,11 +235,8 @@ impl Estimator {
             return;
         };
         let Some(conditional) = float.conditional(&integers) else { return };
-        let fits: Vec<(Link, Fit)> = float
-            .phase_fits(&integers, &conditional.correction_m)
-            .map(|(first, fit)| (links[first], fit))
-            .collect();
-        self.levels.learn_phase(&fits, conditional.phase_fit.degrees_of_freedom);
+        let squares = float.phase_squares(links, &integers, &conditional.correction_m);
+        self.levels.learn_phase(links, &squares, conditional.phase_fit.degrees_of_freedom);
     }
 
     fn orient(&self, fixed: Fixed) -> Oriented {

@@ -11,10 +11,10 @@ use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
 use crate::time::GpsTime;
 
-use super::acceptance::{Checks, Known};
+use super::acceptance::Checks;
 use super::locate::CommonFrame;
 use super::search::{Found, Problem, Searches};
-use super::settings::Settings;
+use super::settings::Constraint;
 
 /// Models that are right more often than this choose no integers by chance: a tenth of the strictest rate
 /// that is usual.
@@ -37,6 +37,9 @@ pub(super) struct Epoch {
 pub(super) struct Fix {
     pub(super) found: Result<Found, Reason>,
     pub(super) conditional: Option<Conditional>,
+    /// What the integers leave of the epoch's phases, and of its code beyond what code alone leaves: χ² with
+    /// a degree of freedom for each ambiguity if they are right.
+    pub(super) misfit: Fit,
     /// Of the integers by themselves; none where there are no integers.
     pub(super) checks: Checks,
     /// What the model promised.
@@ -49,6 +52,7 @@ impl Fix {
         Self {
             found: Err(reason),
             conditional: None,
+            misfit: Fit::default(),
             checks: Checks::default(),
             success_rate: None,
         }
@@ -100,32 +104,22 @@ impl Fix {
 }
 
 impl Searches {
-    /// Searches the integers of an epoch under the constraint in force, and checks them: of such fixes a
-    /// share of `rate` may be wrong.
-    pub(super) fn fix(
-        &mut self,
-        float: &FloatSolution,
-        links: &[Link],
-        frame: &CommonFrame,
-        settings: &Settings,
-        known: Known,
-        rate: f64,
-    ) -> Fix {
-        if float.ambiguities_cycles.is_empty() {
+    /// Searches the integers of an epoch under the constraint in force, and checks them.
+    pub(super) fn fix(&mut self, problem: &Problem) -> Fix {
+        if problem.float.ambiguities_cycles.is_empty() {
             return Fix::none(Reason::NoPhase);
         }
-        let problem = Problem { float, links, frame, settings, rate, known };
-        match self.find(&problem) {
-            Ok(found) => Fix::of(found, &problem),
+        match self.find(problem) {
+            Ok(found) => Fix::of(found, problem),
             Err(reason) => {
-                let success_rate = self.predicted_success(settings.constraint);
+                let success_rate = self.predicted_success(problem.settings.constraint);
                 Fix { success_rate, ..Fix::none(reason) }
             }
         }
     }
 
     /// What the model of the last search promised, for one that came to no end.
-    fn predicted_success(&self, constraint: super::settings::Constraint) -> Option<f64> {
+    fn predicted_success(&self, constraint: Constraint) -> Option<f64> {
         let variances = self.decorrelation(constraint).conditional_variances();
         (!variances.is_empty()).then(|| bootstrapped_success_rate(variances))
     }
@@ -138,8 +132,14 @@ impl Fix {
             return Self::none(Reason::WeakModel);
         };
         let Problem { known, settings, rate, .. } = *problem;
-        let checks = Checks::of_integers(&found, &conditional, known, settings, rate);
+        let misfit = Fit {
+            sum: conditional.phase_fit.sum
+                + problem.float.code_excess(&conditional.correction_m),
+            degrees_of_freedom: found.integers.len(),
+        };
+        let checks = Checks::of_integers(&found, &conditional, misfit, known, settings, rate);
         Self {
+            misfit,
             success_rate: Some(found.success_rate),
             conditional: Some(conditional),
             found: Ok(found),

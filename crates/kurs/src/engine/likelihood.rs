@@ -82,6 +82,17 @@ impl Likelihood {
         sum + in_code.max(in_phase)
     }
 
+    /// Probability of integers `free` (with their cost) that were found without the constraint, over that of the
+    /// `best` ones under it.
+    pub(super) fn against(
+        &self,
+        float: &FloatSolution,
+        free: (&[i64], f64),
+        best: (&[i64], f64),
+    ) -> f64 {
+        self.ratio(squares(float, free.0, free.1), squares(float, best.0, best.1))
+    }
+
     /// `p(z) / p(best)`
     fn ratio(&self, other: Squares, best: Squares) -> f64 {
         let code = (self.code_prior + other.code) / (self.code_prior + best.code);
@@ -105,8 +116,7 @@ fn squares(float: &FloatSolution, integers: &[i64], cost: f64) -> Squares {
     let integers: Vec<f64> = integers.iter().map(|z| *z as f64).collect();
     let displaced = float
         .conditional(&integers)
-        .and_then(|conditional| float.squared_distance(&conditional.correction_m))
-        .unwrap_or(0.0)
+        .map_or(0.0, |conditional| float.code_excess(&conditional.correction_m))
         .min(cost);
     Squares { code: code + displaced, phase: cost - displaced }
 }

@@ -18,8 +18,7 @@ use std::collections::BTreeMap;
 
 use crate::difference::Link;
 use crate::float_solution::recursive::CORRELATION_S;
-use crate::float_solution::{Fit, FloatSolution};
-use crate::link_noise;
+use crate::link_noise::{COMMON_CODE, COMMON_PHASE, expected_square};
 use crate::signal::Band;
 use crate::time::GpsTime;
 
@@ -34,8 +33,8 @@ const BAND_PRIOR: f64 = 10.0;
 const MEMORY: f64 = 1000.0;
 /// No session is better than this share of the a-priori standard deviation.
 const MIN_SCALE: f64 = 0.2;
-/// One epoch moves a level by no more than this many times its expected residuals.
-const MAX_EPOCH: f64 = 25.0;
+/// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
+const MAX_SQUARE: f64 = 2.7 * 2.7;
 /// While the code's level is known with less than this, an epoch's own residuals enter its weights.
 const YOUNG: f64 = 30.0;
 
@@ -53,11 +52,10 @@ impl Squares {
         (sum / (self.degrees_of_freedom + degrees_of_freedom)).max(MIN_SCALE * MIN_SCALE)
     }
 
-    /// Takes the squares of one epoch in; `current` is the factor known so far.
-    fn learn(&mut self, epoch: Self, current: f64) {
+    /// Takes the squares of one epoch in.
+    fn learn(&mut self, epoch: Self) {
         let keep = (1.0 - epoch.degrees_of_freedom / MEMORY).max(0.5);
-        let sum = epoch.sum.min(MAX_EPOCH * epoch.degrees_of_freedom * current);
-        self.sum = self.sum * keep + sum;
+        self.sum = self.sum * keep + epoch.sum;
         self.degrees_of_freedom = self.degrees_of_freedom * keep + epoch.degrees_of_freedom;
     }
 }
@@ -136,51 +134,61 @@ impl NoiseLevels {
         }
     }
 
-    /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply).
-    pub(super) fn learn_code(&mut self, float: &FloatSolution, links: &[Link]) {
-        let fits: Vec<_> = float.code_fits().map(|(first, fit)| (links[first], fit)).collect();
+    /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply): normalised
+    /// squares of links, which have `degrees_of_freedom` together.
+    pub(super) fn learn_code(
+        &mut self,
+        links: &[Link],
+        squares: &[(usize, f64)],
+        degrees_of_freedom: usize,
+    ) {
         let overall = self.code_factor();
-        learn(&mut self.code, &fits, float.code_fit.degrees_of_freedom, overall, self.weight, |link| {
-            link_noise::expected_square(link.bands, link_noise::COMMON_CODE)
-        });
+        let expected = |link: &Link| expected_square(link.bands, COMMON_CODE);
+        let epoch = Residuals { links, squares, degrees_of_freedom, weight: self.weight };
+        epoch.teach(&mut self.code, overall, expected);
     }
 
     /// Learns from the phase residuals that integers leave which nothing else could have been.
-    pub(super) fn learn_phase(&mut self, fits: &[(Link, Fit)], degrees_of_freedom: usize) {
+    pub(super) fn learn_phase(
+        &mut self,
+        links: &[Link],
+        squares: &[(usize, f64)],
+        degrees_of_freedom: usize,
+    ) {
         let overall = self.phase_factor();
-        learn(&mut self.phase, fits, degrees_of_freedom, overall, self.weight, |link| {
-            link_noise::expected_square(link.bands, link_noise::COMMON_PHASE)
-        });
+        let expected = |link: &Link| expected_square(link.bands, COMMON_PHASE);
+        let epoch = Residuals { links, squares, degrees_of_freedom, weight: self.weight };
+        epoch.teach(&mut self.phase, overall, expected);
     }
 }
 
-/// `fits`: of each group a link, the weighted sum of its residuals and its double differences, which have
-/// `degrees_of_freedom` together.
-fn learn(
-    kind: &mut Kind,
-    fits: &[(Link, Fit)],
+/// Normalised squares of an epoch's links.
+struct Residuals<'a> {
+    links: &'a [Link],
+    squares: &'a [(usize, f64)],
     degrees_of_freedom: usize,
-    overall: f64,
     weight: f64,
-    expected: impl Fn(&Link) -> f64,
-) {
-    let rows: usize = fits.iter().map(|(_, fit)| fit.degrees_of_freedom).sum();
-    if rows == 0 {
-        return;
+}
+
+impl Residuals<'_> {
+    /// Teaches a kind of observation whose level of all bands is `overall`.
+    fn teach(&self, kind: &mut Kind, overall: f64, expected: impl Fn(&Link) -> f64) {
+        // The unknowns take their share of every link.
+        let share = self.weight * self.degrees_of_freedom as f64 / self.squares.len().max(1) as f64;
+        let mut epoch = Squares::default();
+        let band_of = |square: &(usize, f64)| self.links[square.0].signal.band;
+        for of_band in self.squares.chunk_by(|a, b| band_of(a) == band_of(b)) {
+            let band = band_of(&of_band[0]);
+            let applied = kind.factor(band, overall);
+            let mut own = Squares::default();
+            for (link, square) in of_band {
+                own.sum += share * applied * square.min(MAX_SQUARE) / expected(&self.links[*link]);
+                own.degrees_of_freedom += share;
+            }
+            epoch.sum += own.sum;
+            epoch.degrees_of_freedom += own.degrees_of_freedom;
+            kind.bands.entry(band).or_default().learn(own);
+        }
+        kind.all.learn(epoch);
     }
-    // The unknowns take their share of every group.
-    let share = weight * degrees_of_freedom as f64 / rows as f64;
-    let mut epoch = Squares::default();
-    for (link, fit) in fits {
-        let band = link.signal.band;
-        let applied = kind.factor(band, overall);
-        let own = Squares {
-            sum: weight * fit.sum * applied / expected(link),
-            degrees_of_freedom: share * fit.degrees_of_freedom as f64,
-        };
-        epoch.sum += own.sum;
-        epoch.degrees_of_freedom += own.degrees_of_freedom;
-        kind.bands.entry(band).or_default().learn(own, applied);
-    }
-    kind.all.learn(epoch, overall);
 }

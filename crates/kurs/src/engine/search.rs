@@ -11,7 +11,7 @@ use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
 use crate::array::AntennaArray;
 use crate::difference::{self, Link};
-use crate::float_solution::{Conditional, Fit, FloatSolution};
+use crate::float_solution::{Conditional, FloatSolution};
 use crate::solution::Reason;
 
 use super::code_free::CodeFree;
@@ -43,6 +43,8 @@ pub(super) struct Problem<'a> {
     pub(super) rate: f64,
     /// How well the noise levels of the session are known.
     pub(super) known: Known,
+    /// Probability that the known geometry is not that of the antennas; 0 once that is out of the question.
+    pub(super) doubt: f64,
 }
 
 /// The best integers and how they stand against the others.
@@ -50,9 +52,8 @@ pub(super) struct Problem<'a> {
 pub(super) struct Found {
     /// In the order of the float solution's ambiguities, cycles.
     pub(super) integers: Vec<f64>,
-    /// What they cost in the metric of the float solution, and how many degrees of freedom that has if they
-    /// are right.
-    pub(super) fit: Fit,
+    /// What they cost in the metric of the float solution, with what the constraint adds.
+    pub(super) cost: f64,
     /// Second-best over best cost.
     pub(super) ratio: f64,
     /// Probability of the other candidates over that of the best.
@@ -94,6 +95,32 @@ impl Searches {
     ///
     /// The reason why there are none.
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
+        let mut found = self.find_constrained(problem)?;
+        let is_constrained = problem.settings.constraint != Constraint::None;
+        if is_constrained && problem.doubt > 0.0 && found.rivals <= problem.rate {
+            found.rivals += problem.doubt * self.none_of_them(problem, &found);
+        }
+        Ok(found)
+    }
+
+    /// Probability of integers that nothing is known of but the epoch, over that of those `found` under the
+    /// constraint: if the geometry is wrong, none of its candidates is right. 0 where they are the same.
+    fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
+        let float = problem.float;
+        let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
+        let Ok(free) = self.free.solve(ambiguities.as_slice(), covariance, 1) else { return 0.0 };
+        let Some(best) = free.first() else { return 0.0 };
+        let integers: Vec<i64> = found.integers.iter().map(|z| whole(*z)).collect();
+        if best.integers == integers {
+            return 0.0;
+        }
+        let likelihood = Likelihood::new(float, problem.known, 0);
+        let free = (best.integers.as_slice(), best.squared_distance);
+        likelihood.against(float, free, (&integers, found.cost))
+    }
+
+    /// The most probable integers, if the geometry is right.
+    fn find_constrained(&mut self, problem: &Problem) -> Result<Found, Reason> {
         match (problem.settings.constraint, &problem.settings.array) {
             (Constraint::Length, Some(array)) => self.lengths_or_free(problem, array),
             // Without code the search of the array has no end; the checks come after.
@@ -212,7 +239,7 @@ impl Searches {
         }
         let mut joint = Found {
             integers: Vec::new(),
-            fit: Fit::default(),
+            cost: 0.0,
             ratio: f64::INFINITY,
             rivals: 0.0,
             success_rate: 1.0,
@@ -234,8 +261,7 @@ impl Searches {
             let (found, conditional) =
                 self.one_length(problem, &pair, approximate_m, length(*rover))?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
-            joint.fit.sum += found.fit.sum;
-            joint.fit.degrees_of_freedom += found.fit.degrees_of_freedom;
+            joint.cost += found.cost;
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
             joint.success_rate *= found.success_rate;
@@ -286,7 +312,7 @@ impl Problem<'_> {
         let likelihood = Likelihood::new(float, self.known, constrained);
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
-            fit: Fit { sum: *cost, degrees_of_freedom: integers.len() + constrained },
+            cost: *cost,
             ratio: others.first().map_or(proven_to, |(_, cost)| *cost) / cost.max(1e-12),
             rivals: likelihood.rivals(float, candidates.iter().copied(), proven_to),
             success_rate,
@@ -319,6 +345,11 @@ fn reordered(mixed: MixedFloat, order: &[usize]) -> MixedFloat {
         cross_covariance: cross.select_columns(order),
         ..mixed
     }
+}
+
+#[allow(clippy::cast_possible_truncation)] // integers already
+fn whole(value: f64) -> i64 {
+    value.round() as i64
 }
 
 /// Why a search gave nothing, in the words of the outputs.

@@ -16,11 +16,18 @@ const MAX_EXCESS: f64 = 6.0;
 /// Degrees of freedom of the code's level, over which it is not trusted: its tails are not Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
+/// Probability that a configuration has a wrong length or place, before anything was seen: one in a hundred.
+const PRIOR_DOUBT: f64 = 1e-2;
+/// Below this doubt the geometry is out of the question, unless the fit gets bad.
+const MIN_DOUBT: f64 = 1e-7;
+
 /// Sums over the recent epochs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SessionFit {
     sum: f64,
     degrees_of_freedom: f64,
+    /// Independent epochs.
+    epochs: f64,
     time: Option<GpsTime>,
 }
 
@@ -33,6 +40,16 @@ impl SessionFit {
         let degrees_of_freedom = fit.degrees_of_freedom as f64;
         self.sum = self.sum * keep + weight * fit.sum.min(MAX_EXCESS * degrees_of_freedom);
         self.degrees_of_freedom = self.degrees_of_freedom * keep + weight * degrees_of_freedom;
+        self.epochs = self.epochs * keep + weight;
+    }
+
+    /// Probability that the known geometry is wrong: each independent epoch whose integers fit leaves a tenth
+    /// of it, as wrong geometry makes the cheapest candidate cost about twice its degrees of freedom.
+    pub(super) fn doubt(&self) -> f64 {
+        let excess = (self.sum - self.degrees_of_freedom) / (2.0 * self.degrees_of_freedom).max(1.0).sqrt();
+        let evidence = (self.epochs - excess.max(0.0)).max(0.0);
+        let doubt = PRIOR_DOUBT * 10f64.powf(-evidence);
+        if doubt < MIN_DOUBT { 0.0 } else { doubt }
     }
 
     /// The sum, and its probability if the integers of these epochs are right and the code's level is known

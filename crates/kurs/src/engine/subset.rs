@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::acceptance::Known;
 use super::code_free;
 use super::fix::{Epoch, Fix};
-use super::search::Searches;
+use super::search::{Problem, Searches};
 use super::settings::{Constraint, Settings};
 use crate::chi_square::fisher_tail;
 use crate::difference::{self, Link};
@@ -54,6 +54,8 @@ pub(super) struct Doubted<'a> {
     pub(super) fix: &'a Fix,
     pub(super) settings: &'a Settings,
     pub(super) known: Known,
+    /// As [`Problem::doubt`].
+    pub(super) doubt: f64,
     /// Names the links of [`LeftOut::UnlikePhases`].
     pub(super) is_unlike: &'a dyn Fn(&Link) -> bool,
 }
@@ -81,7 +83,10 @@ impl Doubted<'_> {
         let unsure = |check: &&crate::solution::Check| check.fails();
         match (&self.fix.found, self.fix.checks.0.iter().find(unsure)) {
             (Err(reason), _) => *reason == Reason::Budget,
-            (Ok(_), Some(check)) => check.reason != Reason::WeakModel,
+            // A weak model gets weaker without anything.
+            (Ok(_), Some(check)) => {
+                !matches!(check.reason, Reason::WeakModel | Reason::SuccessRate)
+            }
             (Ok(_), None) => self.fits_badly(),
         }
     }
@@ -195,6 +200,8 @@ fn fix_without(
     let rovers: Vec<usize> = frame.rovers().collect();
     let float = FloatSolution::solve(&links, &groups, frame.reference, &rovers).ok()?;
     let float = if left_out == LeftOut::Code { float.without_code() } else { float };
-    let fix = searches.fix(&float, &links, frame, doubted.settings, doubted.known, rate);
+    let Doubted { settings, known, doubt, .. } = *doubted;
+    let problem = Problem { float: &float, links: &links, frame, settings, rate, known, doubt };
+    let fix = searches.fix(&problem);
     fix.is_accepted().then_some(Subset { left_out, links, groups, float, fix })
 }
