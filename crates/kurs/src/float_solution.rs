@@ -113,6 +113,15 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Both together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            degrees_of_freedom: self.degrees_of_freedom + other.degrees_of_freedom,
+        }
+    }
+
     /// Root of the sum over the degrees of freedom: 1 where the weights are right; 0 without
     /// redundancy.
     #[must_use]

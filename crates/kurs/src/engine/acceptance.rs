@@ -113,6 +113,13 @@ impl Checks {
             p_value: 1.0 / (1.0 + found.rivals),
             level: 1.0 / (1.0 + rate),
         });
+        checks.0.push(Check {
+            reason: misfit_reason(settings),
+            statistic: found.doubt,
+            degrees_of_freedom: 0,
+            p_value: 1.0 / (1.0 + found.doubt),
+            level: 1.0 / (1.0 + rate),
+        });
         checks.demand(Reason::Closure, 0.0, found.closes);
         let phases = Scale { factor: 1.0, degrees_of_freedom: known.phase };
         checks.judge(Reason::Residuals, conditional.phase_fit, phases);
@@ -144,26 +151,31 @@ impl Checks {
         }
     }
 
-    /// The epochs before: the mean shape of the array, how well integers fitted, and whether they agree.
+    /// How well the best integers of the recent epochs fit: what they are constrained by may be wrong.
+    pub(super) fn of_session_fit((fit, p_value): (Fit, f64), settings: &Settings) -> Self {
+        Self(vec![Check {
+            reason: misfit_reason(settings),
+            statistic: fit.sum,
+            degrees_of_freedom: fit.degrees_of_freedom,
+            p_value,
+            level: FALSE_ALARM,
+        }])
+    }
+
+    /// The epochs before: the mean shape of the array, and whether their integers agree.
     pub(super) fn of_session(
         &mut self,
-        shape: (Fit, f64),
-        fit: (Fit, f64),
+        (shape, p_value): (Fit, f64),
         testimony: Option<Testimony>,
         is_strong: bool,
-        settings: &Settings,
     ) {
-        let mut session = |reason, (fit, p_value): (Fit, f64)| {
-            self.0.push(Check {
-                reason,
-                statistic: fit.sum,
-                degrees_of_freedom: fit.degrees_of_freedom,
-                p_value,
-                level: FALSE_ALARM,
-            });
-        };
-        session(Reason::Geometry, shape);
-        session(misfit_reason(settings), fit);
+        self.0.push(Check {
+            reason: Reason::Geometry,
+            statistic: shape.sum,
+            degrees_of_freedom: shape.degrees_of_freedom,
+            p_value,
+            level: FALSE_ALARM,
+        });
         if let Some(testimony) = testimony {
             let agrees = testimony != Testimony::Contradicts;
             self.demand(Reason::Contradiction, 0.0, agrees);

@@ -189,8 +189,14 @@ impl Estimator {
         let doubt = self.session_fit.doubt();
         let problem = Problem { float, links, frame, settings: &self.settings, rate, known, doubt };
         let mut fix = self.searches.fix(&problem);
-        if fix.found.is_ok() {
-            self.session_fit.take(fix.misfit, self.levels.weight(), epoch.time);
+        if let Ok(found) = &fix.found {
+            let misfit = if epoch.float.is_recursive() {
+                let (baselines, _) = fix.baselines(&epoch);
+                self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
+            } else {
+                found.misfit
+            };
+            self.session_fit.take(misfit, self.levels.weight(), epoch.time);
         }
         self.learn_phases(&epoch, &fix);
 
@@ -265,7 +271,9 @@ impl Estimator {
                 prediction: None,
             };
         }
-        let mut checks = fix.checks.clone();
+        let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
+        let mut checks = Checks::of_session_fit(fit, &self.settings);
+        checks.0.extend_from_slice(&fix.checks.0);
         if fix.is_sure() {
             let scale = Scale::with_epoch(self.levels.phase_degrees_of_freedom(), fix.phase_fit());
             let lengths = self.lengths(&fixed.baselines);
@@ -274,9 +282,8 @@ impl Estimator {
                 self.array_misfit.take(misfit, epoch.time);
             }
             let shape = self.array_misfit.judge(scale);
-            let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
             let testimony = checks.hold().then(|| self.hear(fixed));
-            checks.of_session(shape, fit, testimony, fix.is_strong(), &self.settings);
+            checks.of_session(shape, testimony, fix.is_strong());
         }
         let prediction = fixed.predicted.as_ref().filter(|_| checks.hold());
         let prediction = prediction.map(|p| p.role(&fixed.baselines, fixed.is_decided));

@@ -11,7 +11,7 @@ use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
 use crate::array::AntennaArray;
 use crate::difference::{self, Link};
-use crate::float_solution::{Conditional, FloatSolution};
+use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
 
 use super::code_free::CodeFree;
@@ -52,8 +52,10 @@ pub(super) struct Problem<'a> {
 pub(super) struct Found {
     /// In the order of the float solution's ambiguities, cycles.
     pub(super) integers: Vec<f64>,
-    /// What they cost in the metric of the float solution, with what the constraint adds.
-    pub(super) cost: f64,
+    /// What they cost in the metric of the float solution, with what the constraint adds: χ² if they are right.
+    pub(super) misfit: Fit,
+    /// Probability that the geometry is wrong and other integers are right, over that of these.
+    pub(super) doubt: f64,
     /// Second-best over best cost.
     pub(super) ratio: f64,
     /// Probability of the other candidates over that of the best.
@@ -98,7 +100,7 @@ impl Searches {
         let mut found = self.find_constrained(problem)?;
         let is_constrained = problem.settings.constraint != Constraint::None;
         if is_constrained && problem.doubt > 0.0 && found.rivals <= problem.rate {
-            found.rivals += problem.doubt * self.none_of_them(problem, &found);
+            found.doubt = problem.doubt * self.none_of_them(problem, &found);
         }
         Ok(found)
     }
@@ -116,7 +118,7 @@ impl Searches {
         }
         let likelihood = Likelihood::new(float, problem.known, 0);
         let free = (best.integers.as_slice(), best.squared_distance);
-        likelihood.against(float, free, (&integers, found.cost))
+        likelihood.against(float, free, (&integers, found.misfit.sum))
     }
 
     /// The most probable integers, if the geometry is right.
@@ -239,7 +241,8 @@ impl Searches {
         }
         let mut joint = Found {
             integers: Vec::new(),
-            cost: 0.0,
+            misfit: Fit::default(),
+            doubt: 0.0,
             ratio: f64::INFINITY,
             rivals: 0.0,
             success_rate: 1.0,
@@ -261,7 +264,7 @@ impl Searches {
             let (found, conditional) =
                 self.one_length(problem, &pair, approximate_m, length(*rover))?;
             corrections_m.rows_mut(3 * block, 3).copy_from(&conditional.correction_m);
-            joint.cost += found.cost;
+            joint.misfit = joint.misfit.plus(found.misfit);
             joint.ratio = joint.ratio.min(found.ratio);
             joint.rivals += found.rivals;
             joint.success_rate *= found.success_rate;
@@ -312,7 +315,8 @@ impl Problem<'_> {
         let likelihood = Likelihood::new(float, self.known, constrained);
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
-            cost: *cost,
+            misfit: Fit { sum: *cost, degrees_of_freedom: integers.len() + constrained },
+            doubt: 0.0,
             ratio: others.first().map_or(proven_to, |(_, cost)| *cost) / cost.max(1e-12),
             rivals: likelihood.rivals(float, candidates.iter().copied(), proven_to),
             success_rate,

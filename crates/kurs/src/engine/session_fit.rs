@@ -12,7 +12,7 @@ use crate::time::GpsTime;
 /// Time in which the past fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
 const FADING_S: f64 = 300.0;
 /// An epoch counts for no more than this many times its degrees of freedom: one wild epoch is no proof.
-const MAX_EXCESS: f64 = 6.0;
+const MAX_EXCESS: f64 = 16.0;
 /// Degrees of freedom of the code's level, over which it is not trusted: its tails are not Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
