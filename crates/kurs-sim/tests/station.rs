@@ -4,6 +4,7 @@
 
 mod solving;
 
+use kurs::differential::Differential;
 use kurs::engine::{Constraint, Engine};
 use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
 use kurs::solution::Status;
@@ -26,10 +27,8 @@ fn coordinates_of_a_car_near_a_station() {
     let array = known.array.clone().unwrap();
     let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
     let station_m = place.geodetic().to_ecef();
-    let mut engine = Engine::new(known, simulation.navigation().clone())
-        .unwrap()
-        .with_station(station_m)
-        .unwrap();
+    let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+    let mut engine = Differential::new(engine, Some(station_m)).unwrap();
     let by_coordinates = Orienter::new(orientation::Settings {
         array: array.clone(),
         array_sd_m: 0.002,
@@ -54,7 +53,7 @@ fn coordinates_of_a_car_near_a_station() {
         let truth = &body.truth;
         let horizon = kurs::sky::Horizon::at(truth.position_m);
         let ecef_from_body = horizon.ned_from_ecef().inverse() * truth.attitude.ned_from_body();
-        let row = engine.push(&body.observed);
+        let row = engine.push(&body.observed, None);
 
         assert_eq!(row.by_code.len(), 4);
         let mut fixes = vec![None; 4];
