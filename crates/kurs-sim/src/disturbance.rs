@@ -57,6 +57,9 @@ impl Disturbances {
             present(is_tracked, "slip.band", &slip.band, &wanted)?;
             found.slips.push((slip.clone(), satellite, band));
         }
+        for name in scenario.canopy.iter().flat_map(|canopy| &canopy.antennas) {
+            receivable.antenna("canopy.antennas", name)?;
+        }
         for bias in &scenario.bias {
             let known = known_bias(bias, receivable)?;
             found.biases.push((bias.clone(), known.0, known.1));

@@ -23,9 +23,20 @@ pub(crate) fn ready(name: &str) -> Scenario {
         "uav" => include_str!("../../../../scenarios/uav.toml"),
         "urban" => include_str!("../../../../scenarios/urban.toml"),
         "few-satellites" => include_str!("../../../../scenarios/few-satellites.toml"),
+        "edge" => include_str!("../../../../scenarios/edge.toml"),
+        "canopy" => include_str!("../../../../scenarios/canopy.toml"),
+        "street" => include_str!("../../../../scenarios/street.toml"),
         other => panic!("no scenario {other}"),
     };
     toml::from_str(text).unwrap()
+}
+
+/// A ready scenario with other random numbers and at another hour of the day.
+pub(crate) fn session(name: &str, seed: u64) -> Scenario {
+    let mut scenario = ready(name);
+    scenario.seed += 1000 * seed;
+    scenario.start = format!("2024-03-10T{:02}:00:00", (12 + 5 * seed) % 24);
+    scenario
 }
 
 /// White noise whose law the engine's weights know: `NOISE` below.
