@@ -494,6 +494,8 @@ pub struct Slip {
 pub struct Bias {
     /// Name of the antenna.
     pub antenna: String,
+    /// Satellites.
+    pub satellites: Vec<String>,
     /// Letter of the system.
     pub system: Option<String>,
     /// Signal, `G2L`.
