@@ -14,7 +14,8 @@ const OFF_CYCLES: f64 = 0.15;
 const MASK_DEG: f64 = 15.0;
 /// Lower ends of the classes of C/N0 differences, dB.
 pub(crate) const CLASSES_DB: [f64; 7] = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0];
-/// What recordings show in each of them (issue 14): share of the links that are off.
+/// Share of the links that are off in each of them where single satellites stand behind an edge at one
+/// antenna, as recorded (`docs/experiments/real-skies.md`).
 pub(crate) const RECORDED: [f64; 7] = [0.0, 0.002, 0.022, 0.20, 0.39, 0.62, 0.75];
 
 /// Links in each class of C/N0 differences.
@@ -31,7 +32,6 @@ impl Links {
         let mut with = Phases::of(scenario.clone());
         let mut without = Phases::of(undisturbed(scenario.clone()));
         while let (Some(with), Some(without)) = (with.next(), without.next()) {
-            if std::env::var("DBG").is_ok() { for ((sat, sig), p) in &without[0] { let f = |a: usize| with[a].get(&(*sat,*sig)).map_or("   -   ".to_string(), |w| format!("{:5.1} {:5.2}", w.cn0_dbhz - without[a][&(*sat,*sig)].cn0_dbhz, w.cycles - without[a][&(*sat,*sig)].cycles)); println!("{sat} {sig} {:.0}: {} | {} | {}", p.elevation_deg, f(0), f(1), f(2)); } println!(); }
             for antenna in 1..with.len() {
                 for key in with[antenna].keys() {
                     let pair = Link::between(antenna, key, &with, &without);
