@@ -28,14 +28,14 @@ pub(crate) struct Links {
 impl Links {
     /// The links of the first body of a scenario with its first antenna.
     pub(crate) fn of(scenario: &Scenario) -> Self {
-        let mut of_pairs: BTreeMap<(usize, Signal), Vec<Link>> = BTreeMap::new();
+        let mut of_pairs: BTreeMap<usize, Vec<Link>> = BTreeMap::new();
         let mut with = Phases::of(scenario.clone());
         let mut without = Phases::of(undisturbed(scenario.clone()));
         while let (Some(with), Some(without)) = (with.next(), without.next()) {
             for antenna in 1..with.len() {
                 for key in with[antenna].keys() {
                     let pair = Link::between(antenna, key, &with, &without);
-                    pair.map(|link| of_pairs.entry((antenna, key.1)).or_default().push(link));
+                    pair.map(|link| of_pairs.entry(antenna).or_default().push(link));
                 }
             }
         }
@@ -44,7 +44,7 @@ impl Links {
         links
     }
 
-    /// Links of one signal between two antennas: C/N0 differences against what this pair usually shows.
+    /// Links between two antennas: C/N0 differences against what this pair usually shows.
     fn take(&mut self, mut links: Vec<Link>) {
         links.sort_by(|a, b| a.weaker_db.total_cmp(&b.weaker_db));
         let usual_db = links[links.len() / 2].weaker_db;
