@@ -212,6 +212,7 @@ fn scenario(plan: &ArmRecordingPlan) -> Scenario {
         duration_s: plan.duration_s,
         interval_s: plan.gnss_interval_s,
         signals: plan.signals.clone(),
+        array_sd_m: 0.0,
         sky: Sky { systems, ..Sky::default() },
         clock: ReceiverClocks::default(),
         noise: NoiseLaw {
@@ -235,6 +236,8 @@ fn scenario(plan: &ArmRecordingPlan) -> Scenario {
         interference: Vec::new(),
         slip: Vec::new(),
         bias: Vec::new(),
+        wall: Vec::new(),
+        canopy: Vec::new(),
         output: Output::default(),
     }
 }

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use crate::motion::RecordedPose;
-use crate::scenario::{Antenna, Imu, MotionPlan, Place, Scenario, Sky};
+use crate::scenario::{Antenna, Canopy, Imu, MotionPlan, Place, Scenario, Sky, Wall};
 use crate::simulation::ScenarioError;
 
 /// Letters of the systems that have built-in orbits.
@@ -110,13 +110,17 @@ type Numbers = Vec<(String, f64, Allowed)>;
 fn of_surroundings(scenario: &Scenario) -> Numbers {
     let Scenario { noise, multipath, atmosphere, clock, sky, slips, .. } = scenario;
     let numbers = [
+        ("array_sd_m", scenario.array_sd_m, up_to(10.0)),
         ("noise.code_sd_m", noise.code_sd_m, up_to(1e3)),
         ("noise.phase_sd_cycles", noise.phase_sd_cycles, up_to(1e3)),
         ("noise.doppler_sd_hz", noise.doppler_sd_hz, up_to(1e4)),
         ("noise.cn0_zenith_dbhz", noise.cn0_zenith_dbhz, up_to(99.0)),
+        ("noise.gain_sd_db", noise.gain_sd_db, up_to(99.0)),
+        ("noise.tracking_dbhz", noise.tracking_dbhz, up_to(99.0)),
         ("multipath.code_sd_m", multipath.code_sd_m, up_to(1e3)),
         ("multipath.phase_sd_m", multipath.phase_sd_m, up_to(1e3)),
         ("multipath.correlation_s", multipath.correlation_s, Allowed::AboveZero(1e9)),
+        ("multipath.common_share", multipath.common_share, up_to(1.0)),
         ("atmosphere.ionosphere_zenith_m", atmosphere.ionosphere_zenith_m, up_to(1e3)),
         ("atmosphere.troposphere_zenith_m", atmosphere.troposphere_zenith_m, up_to(1e2)),
         ("clock.bias_sd_s", clock.bias_sd_s, up_to(0.1)),
@@ -131,7 +135,34 @@ fn of_surroundings(scenario: &Scenario) -> Numbers {
     let mut numbers =
         numbers.map(|(key, value, allowed)| (key.to_owned(), value, allowed)).to_vec();
     of_obstacles("sky.horizon_deg", &sky.horizon_deg, &mut numbers);
+    scenario.wall.iter().for_each(|wall| of_wall(wall, &mut numbers));
+    scenario.canopy.iter().for_each(|canopy| of_canopy(canopy, &mut numbers));
     numbers
+}
+
+fn of_wall(wall: &Wall, numbers: &mut Numbers) {
+    let mut add = |key: &str, value: f64, allowed: Allowed| {
+        numbers.push((format!("wall.{key}"), value, allowed));
+    };
+    wall.from_m.iter().for_each(|value| add("from_m", *value, within(1e6)));
+    wall.to_m.iter().for_each(|value| add("to_m", *value, within(1e6)));
+    add("height_m", wall.height_m, within(1e4));
+    add("reflection", wall.reflection, up_to(1.0));
+}
+
+fn of_canopy(canopy: &Canopy, numbers: &mut Numbers) {
+    of_obstacles("canopy.sky_deg", &canopy.sky_deg, numbers);
+    for (key, value, allowed) in [
+        ("loss_db", canopy.loss_db, up_to(99.0)),
+        ("loss_sd_db", canopy.loss_sd_db, up_to(99.0)),
+        ("loss_correlation_s", canopy.loss_correlation_s, Allowed::AboveZero(1e9)),
+        ("late_m_per_db", canopy.late_m_per_db, up_to(1.0)),
+        ("scattered_share", canopy.scattered_share, up_to(1.0)),
+        ("scatter_correlation_s", canopy.scatter_correlation_s, Allowed::AboveZero(1e9)),
+        ("code_tails_per_hour", canopy.code_tails_per_hour, up_to(1e6)),
+    ] {
+        numbers.push((format!("canopy.{key}"), value, allowed));
+    }
 }
 
 fn of_obstacles(key: &str, obstacles_deg: &[[f64; 3]], numbers: &mut Numbers) {
@@ -307,6 +338,10 @@ fn check_lists(scenario: &Scenario) -> Result<(), ScenarioError> {
             "sky.systems",
             format!("{name:?}, expected some of {known}"),
         ));
+    }
+    if let Some(wall) = scenario.wall.iter().find(|wall| wall.from_m == wall.to_m) {
+        let problem = format!("{:?}, expected another place than wall.from_m", wall.to_m);
+        return Err(ScenarioError::new("wall.to_m", problem));
     }
     distinct("sky.systems", &sky.systems)?;
     distinct("signals", &scenario.signals)?;

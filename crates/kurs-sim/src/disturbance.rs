@@ -17,7 +17,16 @@ pub(crate) struct Disturbances {
     outages: Vec<(Outage, Vec<Satellite>, Vec<Band>)>,
     interference: Vec<(Interference, Vec<Band>)>,
     slips: Vec<(Slip, Satellite, Band)>,
-    biases: Vec<(Bias, Option<System>, Option<Signal>)>,
+    biases: Vec<SelectedBias>,
+}
+
+/// A bias with the names of what it belongs to looked up; empty and `None` select all.
+#[derive(Debug, Clone)]
+struct SelectedBias {
+    plan: Bias,
+    satellites: Vec<Satellite>,
+    system: Option<System>,
+    signal: Option<Signal>,
 }
 
 impl Disturbances {
@@ -57,9 +66,11 @@ impl Disturbances {
             present(is_tracked, "slip.band", &slip.band, &wanted)?;
             found.slips.push((slip.clone(), satellite, band));
         }
+        for name in scenario.canopy.iter().flat_map(|canopy| &canopy.antennas) {
+            receivable.antenna("canopy.antennas", name)?;
+        }
         for bias in &scenario.bias {
-            let known = known_bias(bias, receivable)?;
-            found.biases.push((bias.clone(), known.0, known.1));
+            found.biases.push(SelectedBias::new(bias, receivable)?);
         }
         Ok(found)
     }
@@ -114,16 +125,11 @@ impl Disturbances {
             Ephemeris::Glonass(glonass) => f64::from(glonass.elements().channel),
             Ephemeris::Kepler(_) => 0.0,
         };
-        let chosen = self.biases.iter().filter(|(bias, system, only)| {
-            (bias.antenna.is_empty() || bias.antenna == antenna)
-                && system.is_none_or(|system| system == signal.band.system)
-                && only.is_none_or(|only| only == signal)
-                && bias.orbit.is_none_or(|orbit| beidou_orbit(ephemeris) == Some(orbit))
-        });
-        chosen.fold((0.0, 0.0), |(code_m, phase_cycles), (bias, ..)| {
+        let chosen = self.biases.iter().filter(|bias| bias.is_of(antenna, signal, ephemeris));
+        chosen.fold((0.0, 0.0), |(code_m, phase_cycles), SelectedBias { plan, .. }| {
             (
-                code_m + bias.code_m + bias.code_m_per_channel * channel,
-                phase_cycles + bias.phase_cycles + bias.phase_cycles_per_channel * channel,
+                code_m + plan.code_m + plan.code_m_per_channel * channel,
+                phase_cycles + plan.phase_cycles + plan.phase_cycles_per_channel * channel,
             )
         })
     }
@@ -145,36 +151,54 @@ fn beidou_orbit(ephemeris: &Ephemeris) -> Option<BeiDouOrbit> {
     }
 }
 
-/// System and signal of a bias, if they agree with each other and with what belongs to one system only.
-fn known_bias(
-    bias: &Bias,
-    receivable: &Receivable<'_>,
-) -> Result<(Option<System>, Option<Signal>), ScenarioError> {
-    if !bias.antenna.is_empty() {
-        receivable.antenna("bias.antenna", &bias.antenna)?;
+impl SelectedBias {
+    /// # Errors
+    ///
+    /// [`ScenarioError`] for names of nothing that is received, or that contradict each other or what
+    /// belongs to one system only.
+    fn new(bias: &Bias, receivable: &Receivable<'_>) -> Result<Self, ScenarioError> {
+        if !bias.antenna.is_empty() {
+            receivable.antenna("bias.antenna", &bias.antenna)?;
+        }
+        let satellites = bias.satellites.iter();
+        let satellites = satellites.map(|name| receivable.satellite("bias.satellites", name));
+        let satellites: Vec<Satellite> = satellites.collect::<Result<_, _>>()?;
+        let signal = bias.signal.as_ref().map(|name| receivable.signal("bias.signal", name));
+        let signal = signal.transpose()?;
+        let system = bias.system.as_ref().map(|name| receivable.system("bias.system", name));
+        let system = system.transpose()?;
+        let of = |only: System| {
+            system.is_none_or(|system| system == only)
+                && signal.is_none_or(|signal| signal.band.system == only)
+        };
+        if let (Some(system), Some(name)) = (system, &bias.signal) {
+            let wanted = format!("a signal of bias.system {}", system.letter());
+            present(of(system), "bias.signal", name, &wanted)?;
+        }
+        for (satellite, name) in satellites.iter().zip(&bias.satellites) {
+            let wanted = "a satellite of the same system as bias.system and bias.signal";
+            present(of(satellite.system), "bias.satellites", name, wanted)?;
+        }
+        if let Some(orbit) = bias.orbit {
+            let wanted = "none with another system than C";
+            present(of(System::BeiDou), "bias.orbit", &format!("{orbit:?}"), wanted)?;
+        }
+        for (key, value) in [
+            ("bias.code_m_per_channel", bias.code_m_per_channel),
+            ("bias.phase_cycles_per_channel", bias.phase_cycles_per_channel),
+        ] {
+            let is_possible = value == 0.0 || of(System::Glonass);
+            present(is_possible, key, &value.to_string(), "0 with another system than R")?;
+        }
+        Ok(Self { plan: bias.clone(), satellites, system, signal })
     }
-    let signal = bias.signal.as_ref().map(|name| receivable.signal("bias.signal", name));
-    let signal = signal.transpose()?;
-    let system = bias.system.as_ref().map(|name| receivable.system("bias.system", name));
-    let system = system.transpose()?;
-    let of = |only: System| {
-        system.is_none_or(|system| system == only)
-            && signal.is_none_or(|signal| signal.band.system == only)
-    };
-    if let (Some(system), Some(name)) = (system, &bias.signal) {
-        let wanted = format!("a signal of bias.system {}", system.letter());
-        present(of(system), "bias.signal", name, &wanted)?;
+
+    fn is_of(&self, antenna: &str, signal: Signal, ephemeris: &Ephemeris) -> bool {
+        let Self { plan, satellites, system, signal: only } = self;
+        (plan.antenna.is_empty() || plan.antenna == antenna)
+            && (satellites.is_empty() || satellites.contains(&ephemeris.satellite()))
+            && system.is_none_or(|system| system == signal.band.system)
+            && only.is_none_or(|only| only == signal)
+            && plan.orbit.is_none_or(|orbit| beidou_orbit(ephemeris) == Some(orbit))
     }
-    if let Some(orbit) = bias.orbit {
-        let wanted = "none with another system than C";
-        present(of(System::BeiDou), "bias.orbit", &format!("{orbit:?}"), wanted)?;
-    }
-    for (key, value) in [
-        ("bias.code_m_per_channel", bias.code_m_per_channel),
-        ("bias.phase_cycles_per_channel", bias.phase_cycles_per_channel),
-    ] {
-        let is_possible = value == 0.0 || of(System::Glonass);
-        present(is_possible, key, &value.to_string(), "0 with another system than R")?;
-    }
-    Ok((system, signal))
 }

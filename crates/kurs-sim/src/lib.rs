@@ -6,7 +6,9 @@
 #![forbid(unsafe_code)]
 
 pub mod arm_recording;
+mod canopy;
 mod check;
+mod diffraction;
 mod disturbance;
 pub mod imu;
 pub mod inertial;
@@ -16,11 +18,13 @@ pub mod noise;
 pub mod nominal_orbits;
 mod propagation;
 mod receivable;
+mod received_field;
 mod receiver;
 pub mod rotating_arm;
 mod satellite_track;
 pub mod scenario;
 pub mod simulation;
 pub mod walker;
+mod wall;
 
 pub use receiver::AmbiguityChange;

@@ -34,11 +34,41 @@ impl Noise {
         self.generator.random()
     }
 
+    /// One number evenly distributed between two others.
+    pub(crate) fn between(&mut self, [low, high]: [f64; 2]) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
     /// A sequence of its own for each of several users of one seed.
     #[must_use]
     pub fn stream(seed: u64, user: u64) -> Self {
         // Multiplication by an odd constant (2⁶⁴ over the golden ratio) sets neighbours apart.
         Self::seeded(seed ^ (user + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+}
+
+/// Coloured noise of mean zero and variance one, a first-order Gauss-Markov process.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct GaussMarkov {
+    value: f64,
+    /// When it had this value.
+    time_s: f64,
+}
+
+impl Default for GaussMarkov {
+    fn default() -> Self {
+        Self { value: 0.0, time_s: f64::NEG_INFINITY }
+    }
+}
+
+impl GaussMarkov {
+    /// Moves on from the last value, however long ago (at first: for ever):
+    /// x ← φ x + √(1 − φ²) w, φ = exp(−Δt / τ).
+    pub(crate) fn advance(&mut self, time_s: f64, correlation_s: f64, noise: &mut Noise) -> f64 {
+        let kept = ((self.time_s - time_s) / correlation_s).exp();
+        self.time_s = time_s;
+        self.value = kept * self.value + noise.normal((1.0 - kept * kept).sqrt());
+        self.value
     }
 }
 

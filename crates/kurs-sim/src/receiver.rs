@@ -7,12 +7,15 @@ use kurs::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::canopy::{Leaves, Shade};
 use crate::disturbance::Disturbances;
-use crate::noise::Noise;
+use crate::noise::{GaussMarkov, Noise};
 use crate::propagation::{Path, ionosphere_m, troposphere_m, wind_up_cycles};
 use crate::rotating_arm::Clock;
 use crate::satellite_track::SatelliteTrack;
-use crate::scenario::{Law, Scenario};
+use crate::received_field::ReceivedField;
+use crate::scenario::{Canopy, Law, Multipath, Scenario};
+use crate::wall::{self, Wall, WallEffect};
 
 /// First frequency of GPS, to which the ionospheric delay refers.
 const L1_HZ: f64 = 1_575.42e6;
@@ -25,6 +28,8 @@ const CN0_SD_DB: f64 = 0.3;
 const MAX_GROWTH: f64 = 3.5;
 /// C/N0 for which the noise of law `cn0` is given.
 const REFERENCE_CN0_DBHZ: f64 = 45.0;
+/// A satellite moves through a lobe of an antenna's pattern, some 20 degrees wide, in this time.
+const GAIN_CORRELATION_S: f64 = 2400.0;
 /// Slips at random are of one to this many cycles.
 const MAX_RANDOM_SLIP: f64 = 10.0;
 
@@ -37,6 +42,8 @@ pub(crate) struct Receiver {
     pub(crate) clock: usize,
     turned_rad: f64,
     mask_deg: Vec<[f64; 3]>,
+    /// The leaves above it.
+    canopies: Vec<Canopy>,
     signals: Vec<TrackedSignal>,
     noise: Noise,
     /// For every satellite, in the order of the tracks.
@@ -55,6 +62,11 @@ struct TrackedSignal {
 #[derive(Debug, Clone)]
 struct Link {
     wind_up_cycles: f64,
+    gain: GaussMarkov,
+    /// For every canopy above the antenna.
+    leaves: Vec<Leaves>,
+    /// What the reflections of all its signals have in common.
+    common_reflection: Reflection,
     channels: Vec<Channel>,
 }
 
@@ -67,10 +79,25 @@ struct Channel {
     state: Tracking,
     /// Whole cycles N.
     integer: i64,
-    code_multipath_m: f64,
-    phase_multipath_m: f64,
-    /// Time tag to which they belong.
-    multipath_s: f64,
+    /// How late the phase was at the last epoch by what stands in the way, cycles.
+    late_cycles: f64,
+    reflection: Reflection,
+}
+
+/// Reflections as coloured noise, of variance one.
+#[derive(Debug, Clone, Copy, Default)]
+struct Reflection {
+    code: GaussMarkov,
+    phase: GaussMarkov,
+}
+
+/// What stands in the way of a satellite's signals at an epoch.
+#[derive(Debug, Default)]
+struct Obstruction {
+    walls: Vec<WallEffect>,
+    shade: Vec<Shade>,
+    /// Gain of the antenna against that of others.
+    gain_db: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +119,9 @@ pub(crate) struct Reception<'a> {
     pub(crate) position_m: Vector<Ecef>,
     pub(crate) velocity_mps: Vector<Ecef>,
     pub(crate) ecef_from_body: Matrix3<f64>,
+    /// North, east, down of the place to which walls refer.
+    pub(crate) local_m: Vector3<f64>,
+    pub(crate) walls: &'a [Wall],
     pub(crate) scenario: &'a Scenario,
     pub(crate) disturbances: &'a Disturbances,
 }
@@ -118,10 +148,11 @@ pub struct AmbiguityChange {
 /// What a receiver needs to be made.
 pub(crate) struct ReceiverPlan<'a> {
     pub(crate) name: &'a str,
-    pub(crate) position_m: [f64; 3],
+    pub(crate) position_m: Vector<Body>,
     pub(crate) tag_offset_s: f64,
     pub(crate) turned_deg: f64,
     pub(crate) mask_deg: &'a [[f64; 3]],
+    pub(crate) canopies: Vec<Canopy>,
     pub(crate) signals: Vec<Signal>,
     pub(crate) clock: usize,
     pub(crate) phase_bias: bool,
@@ -129,20 +160,21 @@ pub(crate) struct ReceiverPlan<'a> {
 
 impl Receiver {
     pub(crate) fn new(plan: ReceiverPlan<'_>, tracks: &[SatelliteTrack], mut noise: Noise) -> Self {
-        let [x, y, z] = plan.position_m;
         let mut signals = Vec::with_capacity(plan.signals.len());
         for signal in plan.signals {
             let phase_bias_cycles = if plan.phase_bias { noise.uniform() } else { 0.0 };
             signals.push(TrackedSignal { signal, phase_bias_cycles });
         }
-        let links = tracks.iter().map(|track| Link::new(track, &signals)).collect();
+        let canopies = plan.canopies.len();
+        let links = tracks.iter().map(|track| Link::new(track, &signals, canopies)).collect();
         Self {
             name: plan.name.to_owned(),
-            lever_arm_m: Vector::new(x, y, z),
+            lever_arm_m: plan.position_m,
             tag_offset_s: plan.tag_offset_s,
             clock: plan.clock,
             turned_rad: plan.turned_deg.to_radians(),
             mask_deg: plan.mask_deg.to_vec(),
+            canopies: plan.canopies,
             signals,
             noise,
             links,
@@ -186,9 +218,37 @@ impl Receiver {
                 self.links[index].lose();
                 continue;
             }
-            let view = View { path, ephemeris, height_m: here.height_m, sin_elevation: -level.z };
+            let obstruction = self.obstruction(index, &level, reception);
+            let (height_m, sin_elevation) = (here.height_m, -level.z);
+            let view = View { path, ephemeris, height_m, sin_elevation, obstruction };
             self.observe_satellite(index, track, &view, reception, epoch, changes);
         }
+    }
+
+    /// What stands in the way of a satellite in this direction (north, east, down).
+    fn obstruction(
+        &mut self,
+        index: usize,
+        level: &Vector3<f64>,
+        reception: &Reception<'_>,
+    ) -> Obstruction {
+        let Self { canopies, noise, links, .. } = self;
+        let link = &mut links[index];
+        let Reception { scenario, tag_s, .. } = *reception;
+        let mut obstruction = Obstruction::default();
+        let gain_sd_db = scenario.noise.gain_sd_db;
+        if gain_sd_db > 0.0 {
+            obstruction.gain_db =
+                gain_sd_db * link.gain.advance(tag_s, GAIN_CORRELATION_S, noise);
+        }
+        let effects = reception.walls.iter().map(|wall| wall.effect(&reception.local_m, level));
+        obstruction.walls.extend(effects.flatten());
+        for (canopy, leaves) in canopies.iter().zip(&mut link.leaves) {
+            if is_masked(level, &canopy.sky_deg) {
+                obstruction.shade.push(leaves.shade(canopy, tag_s, scenario.interval_s, noise));
+            }
+        }
+        obstruction
     }
 
     /// The signals of one satellite in view.
@@ -210,14 +270,19 @@ impl Receiver {
             let y = reception.ecef_from_body * Vector3::new(sin, -cos, 0.0);
             link.wind_up_cycles = wind_up_cycles(&view.path, &x, &y, link.wind_up_cycles);
         }
+        let common = link.common_reflection(&reception.scenario.multipath, reception.tag_s, noise);
         for channel in &mut link.channels {
             let tracked = signals[channel.signal];
             let band = tracked.signal.band;
-            if reception.disturbances.hidden(reception.tag_s, name, track.satellite, band) {
+            let arrival = Arrival::new(view, reception, band, channel.wavelength_m());
+            if reception.disturbances.hidden(reception.tag_s, name, track.satellite, band)
+                || arrival.cn0_dbhz < reception.scenario.noise.tracking_dbhz
+            {
                 channel.lose();
                 continue;
             }
-            let change = channel.follow(reception, name, track.satellite, band, noise);
+            let turned = channel.turn(&arrival.field);
+            let change = channel.follow(reception, name, track.satellite, band, turned, noise);
             if let Some((slip, flagged)) = change {
                 changes.push(AmbiguityChange {
                     time: reception.tag,
@@ -230,9 +295,12 @@ impl Receiver {
                 });
             }
             let flagged = matches!(change, Some((_, true)));
-            let phase = tracked.phase_bias_cycles + link.wind_up_cycles;
+            let phase_offset_cycles = tracked.phase_bias_cycles + link.wind_up_cycles;
             let lock = Lock(if flagged { Lock::SLIP } else { 0 });
-            let measured = channel.measure(view, reception, name, tracked.signal, phase, noise);
+            let reflected_m = channel.reflect(view, reception, common, noise);
+            let received = Received { arrival, reflected_m, phase_offset_cycles };
+            let measured =
+                channel.measure(view, reception, name, tracked.signal, &received, noise);
             epoch.observations.push(Observation { lock, ..measured });
         }
     }
@@ -244,10 +312,56 @@ struct View<'a> {
     ephemeris: &'a Ephemeris,
     height_m: f64,
     sin_elevation: f64,
+    obstruction: Obstruction,
+}
+
+impl Obstruction {
+    /// What is left of a signal, and what is added to it.
+    fn field(&self, wavelength_m: f64) -> ReceivedField {
+        let mut field = wall::field(&self.walls, wavelength_m);
+        for shade in &self.shade {
+            field.pass(shade.straight(wavelength_m), shade.scattered);
+        }
+        field
+    }
+
+    /// How late the code is under leaves, in its standard deviations.
+    fn code_tail(&self) -> f64 {
+        self.shade.iter().map(|shade| shade.code_tail).sum()
+    }
+}
+
+/// One signal as it comes out of an antenna.
+#[derive(Debug, Clone, Copy)]
+struct Arrival {
+    field: ReceivedField,
+    cn0_dbhz: f64,
+    /// How much weaker it is than it would be without anything in its way.
+    drop_db: f64,
+}
+
+/// What is added to a signal in the antenna and its receiver.
+#[derive(Debug, Clone, Copy)]
+struct Received {
+    arrival: Arrival,
+    /// Reflections as coloured noise, of code and phase.
+    reflected_m: [f64; 2],
+    phase_offset_cycles: f64,
+}
+
+impl Arrival {
+    fn new(view: &View<'_>, reception: &Reception<'_>, band: Band, wavelength_m: f64) -> Self {
+        let field = view.obstruction.field(wavelength_m);
+        let interference_db = reception.disturbances.cn0_drop_db(reception.tag_s, band);
+        let drop_db = interference_db + field.loss_db() - view.obstruction.gain_db;
+        let fall_db = CN0_FALL_DB * (1.0 - view.sin_elevation);
+        let cn0_dbhz = reception.scenario.noise.cn0_zenith_dbhz - fall_db - drop_db;
+        Self { field, cn0_dbhz, drop_db }
+    }
 }
 
 impl Link {
-    fn new(track: &SatelliteTrack, signals: &[TrackedSignal]) -> Self {
+    fn new(track: &SatelliteTrack, signals: &[TrackedSignal], canopies: usize) -> Self {
         let channels = signals.iter().enumerate().filter_map(|(signal, tracked)| {
             let band = tracked.signal.band;
             (band.system == track.satellite.system).then_some(())?;
@@ -256,12 +370,30 @@ impl Link {
                 frequency_hz: band.frequency_hz(track.glonass_channel)?,
                 state: Tracking::Never,
                 integer: 0,
-                code_multipath_m: 0.0,
-                phase_multipath_m: 0.0,
-                multipath_s: f64::NEG_INFINITY,
+                late_cycles: 0.0,
+                reflection: Reflection::default(),
             })
         });
-        Self { wind_up_cycles: 0.0, channels: channels.collect() }
+        Self {
+            wind_up_cycles: 0.0,
+            gain: GaussMarkov::default(),
+            leaves: vec![Leaves::default(); canopies],
+            common_reflection: Reflection::default(),
+            channels: channels.collect(),
+        }
+    }
+
+    /// What all signals have of the reflections, of variance one; code, phase.
+    fn common_reflection(
+        &mut self,
+        multipath: &Multipath,
+        tag_s: f64,
+        noise: &mut Noise,
+    ) -> [f64; 2] {
+        match multipath.common_share > 0.0 {
+            true => self.common_reflection.advance(multipath, tag_s, noise),
+            false => [0.0; 2],
+        }
     }
 
     fn lose(&mut self) {
@@ -269,21 +401,41 @@ impl Link {
     }
 }
 
+impl Reflection {
+    /// Code and phase at a later epoch.
+    fn advance(&mut self, multipath: &Multipath, tag_s: f64, noise: &mut Noise) -> [f64; 2] {
+        let Self { code, phase } = self;
+        [code, phase].map(|part| part.advance(tag_s, multipath.correlation_s, noise))
+    }
+}
+
 impl Channel {
+    fn wavelength_m(&self) -> f64 {
+        SPEED_OF_LIGHT_MPS / self.frequency_hz
+    }
+
+    /// Whole turns of the field against the straight signal since the last epoch: where it fades, its
+    /// phase may go round, and the receiver counts a cycle more or less.
+    fn turn(&mut self, field: &ReceivedField) -> i64 {
+        let before_cycles = core::mem::replace(&mut self.late_cycles, field.late_cycles());
+        whole(before_cycles - self.late_cycles)
+    }
+
     fn lose(&mut self) {
         if self.state == Tracking::On {
             self.state = Tracking::Lost;
         }
     }
 
-    /// Keeps the whole cycles, or draws new ones after a gap, or slips; the slip (none after a gap)
-    /// and whether it is flagged.
+    /// Keeps the whole cycles, or draws new ones after a gap, or slips, as planned, by the turns of the
+    /// field, or at random; the slip (none after a gap) and whether it is flagged.
     fn follow(
         &mut self,
         reception: &Reception<'_>,
         antenna: &str,
         satellite: Satellite,
         band: Band,
+        turned: i64,
         noise: &mut Noise,
     ) -> Option<(Option<i64>, bool)> {
         let scenario = reception.scenario;
@@ -298,6 +450,7 @@ impl Channel {
             reception.disturbances.slip(reception.tag_s, interval_s, antenna, satellite, band);
         let per_epoch = scenario.slips.per_hour * interval_s / 3600.0;
         let slip = match planned {
+            None if turned != 0 => Some((turned, noise.uniform() < scenario.slips.flagged_share)),
             None if per_epoch > 0.0 && noise.uniform() < per_epoch => {
                 let size = whole(1.0 + noise.uniform() * (MAX_RANDOM_SLIP - 1.0));
                 let sign = if noise.uniform() < 0.5 { -1 } else { 1 };
@@ -313,22 +466,22 @@ impl Channel {
     /// The measurement equation.
     ///
     /// ```text
-    /// P = ρ + c (dt − dtₛ) + T + I + d + m + ε
-    /// Φ = (ρ + c (dt − dtₛ) + T − I + m) / λ + N + w + β + ε      in cycles
+    /// P = ρ + c (dt − dtₛ) + T + I + d + m + o + ε
+    /// Φ = (ρ + c (dt − dtₛ) + T − I + m) / λ + o + N + w + β + ε      in cycles
     /// D = −(ρ̇ + c (ḋt − ḋtₛ)) / λ + ε
     /// ```
     fn measure(
-        &mut self,
+        &self,
         view: &View<'_>,
         reception: &Reception<'_>,
         antenna: &str,
         signal: Signal,
-        phase_offset_cycles: f64,
+        received: &Received,
         noise: &mut Noise,
     ) -> Observation {
         let scenario = reception.scenario;
         let path = &view.path;
-        let wavelength_m = SPEED_OF_LIGHT_MPS / self.frequency_hz;
+        let wavelength_m = self.wavelength_m();
         let troposphere = troposphere_m(
             scenario.atmosphere.troposphere_zenith_m,
             view.height_m,
@@ -341,12 +494,11 @@ impl Channel {
         let satellite_clock_m = SPEED_OF_LIGHT_MPS * path.sender.clock_s;
         let clocks_m = reception.clock.bias_m - satellite_clock_m;
         let geometric_m = path.range_m + clocks_m + troposphere;
-        self.reflect(scenario, reception.tag_s, view.sin_elevation, noise);
 
-        let drop_db = reception.disturbances.cn0_drop_db(reception.tag_s, signal.band);
-        let fall_db = CN0_FALL_DB * (1.0 - view.sin_elevation);
-        let cn0_dbhz = scenario.noise.cn0_zenith_dbhz - fall_db - drop_db;
-        let growth = Growth::new(scenario.noise.law, view.sin_elevation, cn0_dbhz, drop_db);
+        let Received { arrival, reflected_m: [code_multipath_m, phase_multipath_m], .. } = received;
+        let Arrival { field, cn0_dbhz, drop_db } = arrival;
+        let growth = Growth::new(scenario.noise.law, view.sin_elevation, *cn0_dbhz, *drop_db);
+        let code_sd_m = scenario.noise.code_sd_m * growth.code;
         let rate_mps = path.range_rate_mps + reception.clock.rate_mps
             - SPEED_OF_LIGHT_MPS * path.sender.clock_drift;
         let group_delay_m = view.ephemeris.group_delay_m(signal).unwrap_or(0.0);
@@ -354,11 +506,14 @@ impl Channel {
             + ionosphere
             + group_delay_m
             + code_bias_m
-            + self.code_multipath_m
-            + noise.normal(scenario.noise.code_sd_m * growth.code);
-        let phase_cycles = (geometric_m - ionosphere + self.phase_multipath_m) / wavelength_m
+            + code_multipath_m
+            + field.late_m()
+            + view.obstruction.code_tail() * code_sd_m
+            + noise.normal(code_sd_m);
+        let phase_cycles = (geometric_m - ionosphere + phase_multipath_m) / wavelength_m
+            + field.late_cycles()
             + self.integer as f64
-            + phase_offset_cycles
+            + received.phase_offset_cycles
             + phase_bias_cycles
             + noise.normal(scenario.noise.phase_sd_cycles * growth.phase);
         Observation {
@@ -374,20 +529,27 @@ impl Channel {
         }
     }
 
-    /// Moves the coloured noise on from the last observation, however long ago (at first: for ever):
-    /// x ← φ x + √(1 − φ²) σ cos(el) w, φ = exp(−Δt / τ).
-    fn reflect(&mut self, scenario: &Scenario, tag_s: f64, sin_elevation: f64, noise: &mut Noise) {
-        let multipath = &scenario.multipath;
+    /// Reflections as coloured noise, growing as cos(elevation), m: the part that all signals of the
+    /// satellite have in common (`common`, of variance one) and the signal's own; code, phase.
+    fn reflect(
+        &mut self,
+        view: &View<'_>,
+        reception: &Reception<'_>,
+        common: [f64; 2],
+        noise: &mut Noise,
+    ) -> [f64; 2] {
+        let multipath = &reception.scenario.multipath;
         if multipath.code_sd_m == 0.0 && multipath.phase_sd_m == 0.0 {
-            return;
+            return [0.0; 2];
         }
-        let kept = ((self.multipath_s - tag_s) / multipath.correlation_s).exp();
-        self.multipath_s = tag_s;
-        let fresh = ((1.0 - kept * kept) * (1.0 - sin_elevation * sin_elevation)).sqrt();
-        self.code_multipath_m =
-            kept * self.code_multipath_m + noise.normal(multipath.code_sd_m * fresh);
-        self.phase_multipath_m =
-            kept * self.phase_multipath_m + noise.normal(multipath.phase_sd_m * fresh);
+        let [code, phase] = self.reflection.advance(multipath, reception.tag_s, noise);
+        let [of_all, of_own] =
+            [multipath.common_share, 1.0 - multipath.common_share].map(f64::sqrt);
+        let cos_elevation = (1.0 - view.sin_elevation * view.sin_elevation).sqrt();
+        [
+            multipath.code_sd_m * cos_elevation * (of_all * common[0] + of_own * code),
+            multipath.phase_sd_m * cos_elevation * (of_all * common[1] + of_own * phase),
+        ]
     }
 }
 

@@ -22,6 +22,10 @@ pub struct Scenario {
     /// the system, `G1C`, `E5Q`.
     #[serde(default = "default_signals")]
     pub signals: Vec<String>,
+    /// 1-sigma of each coordinate of the antennas' true places on their body against those that the
+    /// scenario gives, as a survey leaves them; drawn once.
+    #[serde(default)]
+    pub array_sd_m: f64,
     /// Satellites and horizon.
     #[serde(default)]
     pub sky: Sky,
@@ -56,6 +60,12 @@ pub struct Scenario {
     /// Constant offsets of an antenna's observations.
     #[serde(default)]
     pub bias: Vec<Bias>,
+    /// Walls that shade, diffract and reflect.
+    #[serde(default)]
+    pub wall: Vec<Wall>,
+    /// Leaves before parts of the sky.
+    #[serde(default)]
+    pub canopy: Vec<Canopy>,
     /// Files that are written.
     #[serde(default)]
     pub output: Output,
@@ -148,6 +158,11 @@ pub struct NoiseLaw {
     pub doppler_sd_hz: f64,
     /// C/N0 at the zenith; it falls by 15 dB towards the horizon.
     pub cn0_zenith_dbhz: f64,
+    /// 1-sigma, in dB, of the gain of each antenna towards each satellite against that; it changes as
+    /// the satellite moves through the pattern.
+    pub gain_sd_db: f64,
+    /// Weaker signals are not tracked.
+    pub tracking_dbhz: f64,
 }
 
 /// How noise grows with falling elevation.
@@ -175,6 +190,49 @@ pub struct Multipath {
     pub phase_sd_m: f64,
     /// Time in which the correlation falls to 1/e.
     pub correlation_s: f64,
+    /// Share of the variance that all signals of a satellite have in common at an antenna.
+    pub common_share: f64,
+}
+
+/// An upright opaque wall that reaches down into the ground. Round its top and its sides signals are
+/// diffracted, each wavelength by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// One end, `[east, north]` of where the first body is at the start.
+    pub from_m: [f64; 2],
+    /// The other end.
+    pub to_m: [f64; 2],
+    /// Of its top above where the first body is at the start.
+    pub height_m: f64,
+    /// Amplitude of what it reflects, as an antenna receives it, against the straight signal.
+    #[serde(default)]
+    pub reflection: f64,
+}
+
+/// Leaves before a part of the sky.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Canopy {
+    /// Names of the antennas under it; none means all.
+    pub antennas: Vec<String>,
+    /// Where: `[azimuth from, azimuth to, elevation]`, degrees from north, up to that elevation.
+    pub sky_deg: Vec<[f64; 3]>,
+    /// Mean loss of the straight signal, dB.
+    pub loss_db: f64,
+    /// 1-sigma of the loss, dB.
+    pub loss_sd_db: f64,
+    /// Time in which the correlation of the loss falls to 1/e.
+    pub loss_correlation_s: f64,
+    /// How late the straight signal is for each dB of its loss: leaves are wet.
+    pub late_m_per_db: f64,
+    /// Share of the lost power that arrives scattered.
+    pub scattered_share: f64,
+    /// Time in which the correlation of the scattered field falls to 1/e.
+    pub scatter_correlation_s: f64,
+    /// Mean number in an hour, for each satellite at each antenna, of pseudoranges that are off by 5 to
+    /// 30 standard deviations for 10 to 100 s.
+    pub code_tails_per_hour: f64,
 }
 
 /// Vertical delays.
@@ -436,6 +494,8 @@ pub struct Slip {
 pub struct Bias {
     /// Name of the antenna.
     pub antenna: String,
+    /// Satellites.
+    pub satellites: Vec<String>,
     /// Letter of the system.
     pub system: Option<String>,
     /// Signal, `G2L`.
@@ -524,13 +584,31 @@ impl Default for NoiseLaw {
             phase_sd_cycles: 0.01,
             doppler_sd_hz: 0.1,
             cn0_zenith_dbhz: 50.0,
+            gain_sd_db: 0.0,
+            tracking_dbhz: 0.0,
         }
     }
 }
 
 impl Default for Multipath {
     fn default() -> Self {
-        Self { code_sd_m: 0.0, phase_sd_m: 0.0, correlation_s: 30.0 }
+        Self { code_sd_m: 0.0, phase_sd_m: 0.0, correlation_s: 30.0, common_share: 0.0 }
+    }
+}
+
+impl Default for Canopy {
+    fn default() -> Self {
+        Self {
+            antennas: Vec::new(),
+            sky_deg: vec![[0.0, 360.0, 90.0]],
+            loss_db: 6.0,
+            loss_sd_db: 3.0,
+            loss_correlation_s: 60.0,
+            late_m_per_db: 0.004,
+            scattered_share: 0.1,
+            scatter_correlation_s: 5.0,
+            code_tails_per_hour: 0.0,
+        }
     }
 }
 

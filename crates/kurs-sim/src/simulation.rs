@@ -1,10 +1,11 @@
 //! A scenario at work: epoch by epoch the truth and what the receivers report.
 
 use kurs::ephemeris::{Ephemeris, NavigationData};
-use kurs::frames::{Attitude, Ecef, Geodetic, Ned, Vector};
+use kurs::frames::{Attitude, Body, Ecef, Geodetic, Ned, Vector};
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::{Calendar, GpsTime};
+use nalgebra::Vector3;
 
 use crate::check;
 use crate::disturbance::Disturbances;
@@ -17,7 +18,8 @@ use crate::receivable::{self, Receivable};
 use crate::receiver::{AmbiguityChange, Receiver, ReceiverPlan, Reception};
 use crate::rotating_arm::Clock;
 use crate::satellite_track::SatelliteTrack;
-use crate::scenario::{ReceiverClocks, Scenario};
+use crate::scenario::{Canopy, ReceiverClocks, Scenario};
+use crate::wall::Wall;
 
 /// A millisecond of clock error.
 const MILLISECOND_M: f64 = SPEED_OF_LIGHT_MPS * 1e-3;
@@ -27,6 +29,7 @@ const ORBITS: u64 = 0;
 const ERRORS: u64 = 1;
 const CLOCKS: u64 = 2;
 const MOTIONS: u64 = 3;
+const SURVEYS: u64 = 4;
 const IMUS: u64 = 600;
 const RECEIVERS: u64 = 1000;
 
@@ -56,6 +59,7 @@ pub struct Simulation {
     tracks: Vec<SatelliteTrack>,
     ephemerides: Vec<Option<Ephemeris>>,
     disturbances: Disturbances,
+    walls: Vec<Wall>,
     bodies: Vec<MovingBody>,
     station: Option<MovingBody>,
     clocks: Vec<Clock>,
@@ -146,6 +150,7 @@ impl Simulation {
             clocks: Vec::new(),
             clock_noise: Noise::stream(scenario.seed, CLOCKS),
             next: 0,
+            walls: scenario.wall.iter().map(Wall::new).collect(),
             scenario,
             start,
             navigation,
@@ -203,6 +208,8 @@ impl Simulation {
         let surroundings = Surroundings {
             scenario: &self.scenario,
             disturbances: &self.disturbances,
+            walls: &self.walls,
+            origin_m: self.bodies[0].motion.pose(0.0).position_m,
             start: self.start,
             clocks: &self.clocks,
             tracks: &self.tracks,
@@ -224,6 +231,7 @@ impl Simulation {
     fn make_bodies(&mut self, recorded: &[Option<Vec<RecordedPose>>]) -> Result<(), ScenarioError> {
         let seed = self.scenario.seed;
         let mut motion_noise = Noise::stream(seed, MOTIONS);
+        let mut survey_noise = Noise::stream(seed, SURVEYS);
         let mut receivers_made = 0;
         for (index, body) in self.scenario.body.iter().enumerate() {
             let table = recorded.get(index).and_then(Option::as_deref);
@@ -234,12 +242,15 @@ impl Simulation {
                 if receivers.is_empty() || !self.scenario.clock.common {
                     self.clocks.push(first_clock(&self.scenario.clock, &mut self.clock_noise));
                 }
+                let surveyed_m = Vector::<Body>::from_xyz(Vector3::from(antenna.position_m));
+                let survey_error_m = survey_noise.normal3(self.scenario.array_sd_m);
                 let plan = ReceiverPlan {
                     name: &antenna.name,
-                    position_m: antenna.position_m,
+                    position_m: surveyed_m - Vector::from_xyz(survey_error_m),
                     tag_offset_s: antenna.tag_offset_s,
                     turned_deg: antenna.turned_deg,
                     mask_deg: &antenna.mask_deg,
+                    canopies: canopies(&antenna.name, &self.scenario),
                     signals: signals(antenna.signals.as_ref(), &self.scenario)?,
                     clock: self.clocks.len() - 1,
                     phase_bias: self.scenario.clock.phase_bias,
@@ -258,10 +269,11 @@ impl Simulation {
         self.clocks.push(first_clock(&self.scenario.clock, &mut self.clock_noise));
         let plan = ReceiverPlan {
             name: &station.name,
-            position_m: [0.0; 3],
+            position_m: Vector::new(0.0, 0.0, 0.0),
             tag_offset_s: 0.0,
             turned_deg: 0.0,
             mask_deg: &[],
+            canopies: canopies(&station.name, &self.scenario),
             signals: signals(station.signals.as_ref(), &self.scenario)?,
             clock: self.clocks.len() - 1,
             phase_bias: self.scenario.clock.phase_bias,
@@ -324,6 +336,9 @@ impl Simulation {
 struct Surroundings<'a> {
     scenario: &'a Scenario,
     disturbances: &'a Disturbances,
+    walls: &'a [Wall],
+    /// Where the first body is at the start: to this place walls refer.
+    origin_m: Vector<Ecef>,
     start: GpsTime,
     clocks: &'a [Clock],
     tracks: &'a [SatelliteTrack],
@@ -341,6 +356,7 @@ impl MovingBody {
     ) {
         made.observed.antennas.resize_with(self.receivers.len(), || Some(AntennaEpoch::default()));
         made.truth.clocks_s.clear();
+        let to_local = Geodetic::from_ecef(surroundings.origin_m).ned_from_ecef();
         for (index, receiver) in self.receivers.iter_mut().enumerate() {
             let clock = surroundings.clocks[receiver.clock];
             let clock_s = clock.bias_m / SPEED_OF_LIGHT_MPS;
@@ -349,12 +365,15 @@ impl MovingBody {
             let pose = self.motion.pose(time_s);
             let ecef_from_body = pose.ecef_from_body();
             let tag = surroundings.start + tag_s;
+            let position_m = pose.position_m + ecef_from_body * receiver.lever_arm_m;
             let reception = Reception {
                 tag_s,
                 tag,
                 time_s,
                 clock,
-                position_m: pose.position_m + ecef_from_body * receiver.lever_arm_m,
+                position_m,
+                local_m: (to_local * (position_m - surroundings.origin_m)).xyz(),
+                walls: surroundings.walls,
                 velocity_mps: self.motion.velocity_mps(receiver.lever_arm_m, time_s),
                 ecef_from_body: ecef_from_body.matrix(),
                 scenario: surroundings.scenario,
@@ -448,6 +467,14 @@ fn tracks(scenario: &Scenario, navigation: &NavigationData, start: GpsTime) -> V
 fn signals(own: Option<&Vec<String>>, scenario: &Scenario) -> Result<Vec<Signal>, ScenarioError> {
     let names = own.unwrap_or(&scenario.signals);
     receivable::parse_all("signals", names)
+}
+
+/// What an antenna stands under.
+fn canopies(antenna: &str, scenario: &Scenario) -> Vec<Canopy> {
+    let is_under = |canopy: &&Canopy| {
+        canopy.antennas.is_empty() || canopy.antennas.iter().any(|name| name == antenna)
+    };
+    scenario.canopy.iter().filter(is_under).cloned().collect()
 }
 
 /// `2024-03-10T12:00:00`, on the GPS scale.

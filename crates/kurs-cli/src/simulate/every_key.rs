@@ -14,6 +14,7 @@ start = "2024-03-10T12:00:00"
 duration_s = 2.0
 interval_s = 1.0
 signals = ["G1C", "G2W", "R1C", "C2I"]
+array_sd_m = 0.001
 [sky]
 systems = ["G", "R", "E", "C"]
 max_satellites = 20
@@ -34,10 +35,13 @@ code_sd_m = 0.3
 phase_sd_cycles = 0.01
 doppler_sd_hz = 0.1
 cn0_zenith_dbhz = 50.0
+gain_sd_db = 1.0
+tracking_dbhz = 20.0
 [multipath]
 code_sd_m = 0.5
 phase_sd_m = 0.001
 correlation_s = 30.0
+common_share = 0.5
 [atmosphere]
 ionosphere_zenith_m = 3.0
 troposphere_zenith_m = 2.4
@@ -82,6 +86,24 @@ phase_cycles = 0.25
 [[bias]]
 code_m_per_channel = 0.1
 phase_cycles_per_channel = 0.1
+[[bias]]
+satellites = ["C19"]
+code_m = 5.0
+[[wall]]
+from_m = [-5.0, 4.0]
+to_m = [5.0, 4.0]
+height_m = 3.0
+reflection = 0.2
+[[canopy]]
+antennas = ["A1"]
+sky_deg = [[0, 90, 60]]
+loss_db = 6.0
+loss_sd_db = 3.0
+loss_correlation_s = 60.0
+late_m_per_db = 0.004
+scattered_share = 0.01
+scatter_correlation_s = 5.0
+code_tails_per_hour = 6.0
 [[body]]
 name = "car"
 [[body.antenna]]
@@ -150,6 +172,20 @@ const NUMBERS: &[(&str, f64, f64)] = &[
     ("noise.phase_sd_cycles", 0.0, 1e3),
     ("noise.doppler_sd_hz", 0.0, 1e4),
     ("noise.cn0_zenith_dbhz", 0.0, 99.0),
+    ("array_sd_m", 0.0, 10.0),
+    ("noise.gain_sd_db", 0.0, 99.0),
+    ("noise.tracking_dbhz", 0.0, 99.0),
+    ("multipath.common_share", 0.0, 1.0),
+    ("wall.from_m", -1e6, 1e6),
+    ("wall.to_m", -1e6, 1e6),
+    ("wall.height_m", -1e4, 1e4),
+    ("wall.reflection", 0.0, 1.0),
+    ("canopy.sky_deg", -90.0, 90.0),
+    ("canopy.loss_db", 0.0, 99.0),
+    ("canopy.loss_sd_db", 0.0, 99.0),
+    ("canopy.late_m_per_db", 0.0, 1.0),
+    ("canopy.scattered_share", 0.0, 1.0),
+    ("canopy.code_tails_per_hour", 0.0, 1e6),
     ("multipath.code_sd_m", 0.0, 1e3),
     ("multipath.phase_sd_m", 0.0, 1e3),
     ("atmosphere.ionosphere_zenith_m", 0.0, 1e3),
@@ -205,6 +241,8 @@ const NUMBERS: &[(&str, f64, f64)] = &[
 ];
 const ABOVE_ZERO: &[(&str, f64)] = &[
     ("multipath.correlation_s", 1e9),
+    ("canopy.loss_correlation_s", 1e9),
+    ("canopy.scatter_correlation_s", 1e9),
     ("slip.time_s", 2.0),
     ("body.imu.gyro_range_degps", 1e6),
     ("body.imu.accelerometer_range_mps2", 1e6),
@@ -272,6 +310,9 @@ const WORDS: &[(&str, &str, &[&str])] = &[
     ("slip.band", "\"G5\"", &["G5", "a band that an antenna tracks"]),
     ("slip.band", "\"R1\"", &["R1", "a band that A1 tracks of G05"]),
     ("bias.antenna", "\"A9\"", &["A9", "A0, A1, base"]),
+    ("bias.satellites", "[\"G5x\"]", &["G5x", "a satellite such as G05"]),
+    ("bias.satellites", "[\"J01\"]", &["J01", "a satellite of the sky"]),
+    ("canopy.antennas", "[\"A9\"]", &["A9", "A0, A1, base"]),
     ("bias.system", "\"GPS\"", &["GPS", "G, R, E, C, J"]),
     ("bias.system", "\"J\"", &["\"J\"", "a system of the sky"]),
     ("bias.signal", "\"C2\"", &["C2", "a signal such as G1C"]),
@@ -452,7 +493,7 @@ fn numbers_have_limits() {
             wrong.push(high + little);
         }
         // The last elements of obstacles are elevations, the others go further round.
-        let is_mixed = path.ends_with("horizon_deg") || path == "body.antenna.mask_deg";
+        let is_mixed = ["sky.horizon_deg", "canopy.sky_deg", "body.antenna.mask_deg"].contains(&path.as_str());
         for number in taken {
             for value in assignment.with_numbers(&format!("{number:?}")) {
                 let error = refused(&assignment.set(text, &value));
@@ -544,6 +585,16 @@ fn keys_that_contradict_each_other_are_refused() {
             &["sky.systems", "sky.navigation", "one of the two"],
         ),
         ("antenna = \"A1\"", "antenna = \"A0\"", &["slip.band", "G1", "that A0 tracks of G05"]),
+        (
+            "satellites = [\"C19\"]",
+            "satellites = [\"C19\"]\nsignal = \"G1C\"",
+            &["bias.satellites", "C19", "same system"],
+        ),
+        (
+            "to_m = [5.0, 4.0]",
+            "to_m = [-5.0, 4.0]",
+            &["wall.to_m", "[-5.0, 4.0]", "another place than wall.from_m"],
+        ),
         ("to_s = 1.0", "to_s = -0.5", &["outage.to_s", "-0.5", "from 0 to"]),
         (
             "tag_offset_s = 0.0004",

@@ -29,7 +29,7 @@ const NAVIGATION: &str = "nav.rnx";
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Scenario file (TOML), or the name of a built-in one: roof-static, car, ship, uav, urban,
-    /// few-satellites, leo, two-bodies.
+    /// few-satellites, leo, two-bodies, edge, canopy, street.
     scenario: PathBuf,
     /// Folder for the files.
     #[arg(long, value_name = "DIR", default_value = "kurs-out")]
@@ -221,6 +221,7 @@ fn write_configurations(directory: &Path, simulation: &Simulation) -> anyhow::Re
             writeln!(file, "\n[station]\nobs = [{:?}]", file_name(&station.name, *format))?;
             writeln!(file, "position_ecef_m = {:?}", position_m.as_slice())?;
         }
+        writeln!(file, "\n[solve]\narray_sd_m = {:?}", scenario.array_sd_m)?;
         file.finish()?;
     }
     Ok(())

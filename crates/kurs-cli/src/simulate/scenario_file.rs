@@ -15,7 +15,7 @@ use crate::config_file;
 use crate::failure::UsageError;
 
 /// Scenarios that the program carries.
-const BUILT_IN: [(&str, &str); 8] = [
+const BUILT_IN: [(&str, &str); 11] = [
     ("roof-static", include_str!("../../../../scenarios/roof-static.toml")),
     ("car", include_str!("../../../../scenarios/car.toml")),
     ("ship", include_str!("../../../../scenarios/ship.toml")),
@@ -24,6 +24,9 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("few-satellites", include_str!("../../../../scenarios/few-satellites.toml")),
     ("leo", include_str!("../../../../scenarios/leo.toml")),
     ("two-bodies", include_str!("../../../../scenarios/two-bodies.toml")),
+    ("edge", include_str!("../../../../scenarios/edge.toml")),
+    ("canopy", include_str!("../../../../scenarios/canopy.toml")),
+    ("street", include_str!("../../../../scenarios/street.toml")),
 ];
 
 /// Reads a scenario file, or a built-in scenario by its name, and the files that it refers to.

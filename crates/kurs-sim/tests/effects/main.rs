@@ -5,6 +5,7 @@
 mod clocks;
 mod motions;
 mod noise;
+mod obstacles;
 mod path;
 mod scene;
 mod sky;

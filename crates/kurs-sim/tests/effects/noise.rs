@@ -182,6 +182,40 @@ fn reflections_are_coloured_and_everyones_own() {
     assert!(of_code.abs() < 0.12, "between code and phase {of_code}");
 }
 
+/// What all signals of a satellite have in common at an antenna has its share of the variance, in metres.
+#[test]
+fn signals_share_reflections() {
+    let of_share = |common_share: f64| {
+        let [with, without] = [1.0, 1e-9].map(|scale| {
+            roof(|scenario| {
+                (scenario.duration_s, scenario.interval_s) = (400.0, 10.0);
+                scenario.multipath.code_sd_m = 0.8 * scale;
+                scenario.multipath.phase_sd_m = 0.004 * scale;
+                scenario.multipath.common_share = common_share;
+            })
+        });
+        with.less(&without)
+    };
+    let pairs = |changes: &[Change], of: fn(&Change) -> f64| {
+        let [first, second] = ["G1C", "G2W"].map(|name| {
+            let chosen = changes.iter().filter(move |c| c.signal == signal(name));
+            let keyed = chosen.map(move |c| ((c.antenna, c.epoch, c.satellite), of(c)));
+            keyed.collect::<std::collections::BTreeMap<_, _>>()
+        });
+        correlation(first.iter().filter_map(|(key, x)| Some((*x, *second.get(key)?))))
+    };
+    for share in [0.0, 0.5, 1.0] {
+        let changes = of_share(share);
+        for of in [Change::phase_m, |c: &Change| c.code_m] as [fn(&Change) -> f64; 2] {
+            let found = pairs(&changes, of);
+            assert!((found - share).abs() < 0.12, "{found}, wanted {share}");
+        }
+        let unit = changes.iter().map(|c| c.phase_m() / 0.004 / c.elevation_rad.cos());
+        let independent = changes.iter().filter(|c| c.signal == signal("G1C")).count() / 6;
+        assert_sd("phase", rms(unit), 1.0, independent);
+    }
+}
+
 /// Where noise is none, two antennas at one place agree: nothing else is drawn at random.
 #[test]
 fn without_noise_there_is_none() {

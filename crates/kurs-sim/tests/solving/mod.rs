@@ -2,10 +2,15 @@
 //! the experiments share.
 #![allow(dead_code)] // every user needs a part
 
+pub(crate) mod figures;
+
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Constraint, Engine, Settings};
+use kurs::engine::{Ambiguities, Constraint, Engine, Settings};
+use kurs::float_solution::recursive::Motion;
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::signal::{Satellite, Signal};
 use kurs::sky::NoiseModel;
@@ -23,9 +28,22 @@ pub(crate) fn ready(name: &str) -> Scenario {
         "uav" => include_str!("../../../../scenarios/uav.toml"),
         "urban" => include_str!("../../../../scenarios/urban.toml"),
         "few-satellites" => include_str!("../../../../scenarios/few-satellites.toml"),
+        "leo" => include_str!("../../../../scenarios/leo.toml"),
+        "two-bodies" => include_str!("../../../../scenarios/two-bodies.toml"),
+        "edge" => include_str!("../../../../scenarios/edge.toml"),
+        "canopy" => include_str!("../../../../scenarios/canopy.toml"),
+        "street" => include_str!("../../../../scenarios/street.toml"),
         other => panic!("no scenario {other}"),
     };
     toml::from_str(text).unwrap()
+}
+
+/// A ready scenario with other random numbers and at another hour of the day.
+pub(crate) fn session(name: &str, seed: u64) -> Scenario {
+    let mut scenario = ready(name);
+    scenario.seed += 1000 * seed;
+    scenario.start = format!("2024-03-10T{:02}:00:00", (12 + 5 * seed) % 24);
+    scenario
 }
 
 /// White noise whose law the engine's weights know: `NOISE` below.
@@ -47,7 +65,7 @@ pub(crate) const NOISE: NoiseModel = NoiseModel {
     channel_sd_m: 0.0,
 };
 
-/// Settings of `kurs solve` for the first body of a scenario.
+/// Settings for the first body of a scenario, with what is known of its noise.
 pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings {
     let antennas = &scenario.body[0].antenna;
     let places = antennas.iter().map(|a| Vector::from_xyz(Vector3::from(a.position_m))).collect();
@@ -55,10 +73,21 @@ pub(crate) fn settings(scenario: &Scenario, constraint: Constraint) -> Settings 
         antennas: antennas.len(),
         array: Some(AntennaArray::new(places).unwrap()),
         constraint,
+        array_sd_m: scenario.array_sd_m,
         noise: NOISE,
         residuals: true,
         ..Settings::default()
     }
+}
+
+/// Settings of `kurs solve` for the first body of a scenario, told nothing of its noise.
+pub(crate) fn as_told(scenario: &Scenario, constraint: Constraint) -> Settings {
+    Settings { noise: Settings::default().noise, ..settings(scenario, constraint) }
+}
+
+/// The same with ambiguities carried from epoch to epoch.
+pub(crate) fn continuous(settings: Settings) -> Settings {
+    Settings { ambiguities: Ambiguities::Continuous(Motion::Free), ..settings }
 }
 
 /// Solves the first body of a scenario; `take` gets every epoch.
@@ -67,16 +96,48 @@ pub(crate) fn solve(
     settings: Settings,
     mut take: impl FnMut(&BodyTruth, &EpochSolution, Integers),
 ) {
+    solve_each(scenario, [settings], |_, truth, row, integers| take(truth, row, integers));
+}
+
+/// Solves the same observations with each of several settings; `take` gets their numbers too.
+pub(crate) fn solve_each(
+    scenario: Scenario,
+    settings: impl IntoIterator<Item = Settings>,
+    mut take: impl FnMut(usize, &BodyTruth, &EpochSolution, Integers),
+) {
     let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
-    let mut engine = Engine::new(settings, simulation.navigation().clone()).unwrap();
+    let engine = |settings| Engine::new(settings, simulation.navigation().clone()).unwrap();
+    let mut engines: Vec<Engine> = settings.into_iter().map(engine).collect();
     let mut cycles = TrueCycles::of(simulation.scenario());
     let mut epoch = SimulatedEpoch::default();
     while simulation.next_epoch(&mut epoch) {
         cycles.take(&epoch);
         let body = &epoch.bodies[0];
-        let row = engine.push(&body.observed);
-        take(&body.truth, &row, cycles.judge(&row.integers));
+        for (k, engine) in engines.iter_mut().enumerate() {
+            let row = engine.push(&body.observed);
+            take(k, &body.truth, &row, cycles.judge(&row.integers));
+        }
     }
+}
+
+/// Does jobs on all processors; their results in the order of the jobs.
+pub(crate) fn in_parallel<J: Sync, T: Send>(jobs: &[J], work: impl Fn(&J) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let worker = || {
+        let mut done = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(index) else { return done };
+            done.push((index, work(job)));
+        }
+    };
+    let workers = thread::available_parallelism().map_or(1, usize::from);
+    let mut done: Vec<(usize, T)> = thread::scope(|scope| {
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(worker)).collect();
+        threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+    });
+    done.sort_by_key(|(index, _)| *index);
+    done.into_iter().map(|(_, result)| result).collect()
 }
 
 /// The best integers of an epoch against the true ones.
@@ -130,13 +191,19 @@ impl TrueCycles {
 
 /// Errors of heading, pitch and roll, rad, where all three are known.
 pub(crate) fn angle_errors(truth: &BodyTruth, row: &EpochSolution) -> Option<Vector3<f64>> {
-    let attitude = row.attitude.as_ref()?;
-    let heading_rad = attitude.heading_rad? - truth.attitude.heading_rad;
-    Some(Vector3::new(
-        heading_rad.sin().atan2(heading_rad.cos()),
-        attitude.pitch_rad? - truth.attitude.pitch_rad,
-        attitude.roll_rad? - truth.attitude.roll_rad,
-    ))
+    let [heading, pitch, roll] = known_angle_errors(truth, row);
+    Some(Vector3::new(heading?, pitch?, roll?))
+}
+
+/// Errors of those of heading, pitch and roll, rad, that are known.
+pub(crate) fn known_angle_errors(truth: &BodyTruth, row: &EpochSolution) -> [Option<f64>; 3] {
+    let Some(attitude) = &row.attitude else { return [None; 3] };
+    let about_the_circle = |error_rad: f64| error_rad.sin().atan2(error_rad.cos());
+    [
+        attitude.heading_rad.map(|rad| about_the_circle(rad - truth.attitude.heading_rad)),
+        attitude.pitch_rad.map(|rad| rad - truth.attitude.pitch_rad),
+        attitude.roll_rad.map(|rad| rad - truth.attitude.roll_rad),
+    ]
 }
 
 /// Error of baseline `k`, east-north-up, m.
