@@ -31,7 +31,8 @@ use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
 use crate::solution::{
-    AttitudeEstimate, EpochSolution, PositionEstimate, PredictionRole, Reason, Status,
+    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, PredictionRole, Reason,
+    Status,
 };
 use crate::time::GpsTime;
 use channel_bias::ChannelBiases;
@@ -198,6 +199,8 @@ impl Engine {
             covariance_m2: ned_from_ecef.turn_covariance(&point.covariance_m2),
             velocity_mps: located.velocity.map(|v| ned_from_ecef * v.velocity_mps),
             clock_m: Some(point.clock_m),
+            hdop: Some(point.dop.hdop),
+            origin: PositionOrigin::Alone,
         })
     }
 

@@ -10,7 +10,7 @@ use super::settings::{Ambiguities, Constraint, Settings, SettingsError};
 use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
-use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
 
 /// The station with its two chains; in both it is antenna 0.
 #[derive(Debug)]
@@ -78,11 +78,16 @@ impl Station {
         let by_phase = self.phase.push(&self.epoch);
         let fixed = by_phase.baselines.first().filter(|_| by_phase.status == Status::Fixed);
         let first = fixed.map(|baseline| self.end_of(baseline));
+        let origin = match first {
+            Some(_) => PositionOrigin::StationPhase,
+            None => PositionOrigin::StationCode,
+        };
         let best = first.or_else(|| row.by_code.iter().find(|place| place.index == 0).copied());
         if let (Some(position), Some(best)) = (&mut row.position, best) {
             position.geodetic = best.geodetic;
             position.position_m = best.geodetic.to_ecef();
             position.covariance_m2 = best.covariance_m2;
+            position.origin = origin;
         }
     }
 

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use kurs::frames::{Geodetic, Rotation, Vector};
-use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use kurs::solution::{
+    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Reason, Status,
+};
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
 
@@ -177,6 +179,8 @@ impl Fields<'_> {
             covariance_m2,
             velocity_mps,
             clock_m: self.number("clock_bias_m")?,
+            hdop: None,
+            origin: PositionOrigin::Alone,
         }))
     }
 
