@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What gpsdecode (Debian gpsd-tools) and pynmeagps (PyPI) read in the sentences of `kurs solve --format nmea`.
+"""What gpsdecode (Debian gpsd-clients) and pynmeagps (PyPI) read in the sentences of `kurs solve --format nmea`.
 
     python3 tests-referees/nmea.py KURS        the program, as target/release/kurs
 

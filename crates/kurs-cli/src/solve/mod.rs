@@ -203,8 +203,7 @@ impl Outputs {
         }
         let profiles = [(Format::NmeaSurvey, Profile::Survey), (Format::Nmea, Profile::Marine)];
         let wanted = profiles.iter().find(|(format, _)| formats.contains(format));
-        let nmea =
-            wanted.map(|(_, profile)| NmeaLog::create(directory, *profile)).transpose()?;
+        let nmea = wanted.map(|(_, profile)| NmeaLog::create(directory, *profile)).transpose()?;
         Ok(Self { tables, nmea })
     }
 
