@@ -6,6 +6,7 @@ use std::path::Path;
 use kurs::signal::SPEED_OF_LIGHT_MPS;
 use kurs::solution::{AttitudeEstimate, EpochSolution, PointEstimate, PositionEstimate, Status};
 use kurs::time::GpsTime;
+use kurs::turn_rate::{TurnRate, course_rad};
 use nalgebra::Matrix3;
 
 use crate::table::{Table, TableFormat};
@@ -47,6 +48,13 @@ const ATTITUDE: &[&str] = &[
     "qy",
     "qz",
     "line_elevation_deg",
+    "heading_rate_degps",
+    "pitch_rate_degps",
+    "roll_rate_degps",
+    "heading_rate_sd_degps",
+    "pitch_rate_sd_degps",
+    "roll_rate_sd_degps",
+    "course_deg",
 ];
 
 const BASELINES: &[&str] = &[
@@ -82,18 +90,11 @@ const POINTS: &[&str] = &[
     "status",
 ];
 
-/// Starts the table `attitude` alone.
-pub(crate) fn create_attitude(directory: &Path, format: TableFormat) -> anyhow::Result<Table> {
-    create_like_attitude(directory, "attitude", format)
-}
-
-/// Starts a table of another name with its columns.
-pub(crate) fn create_like_attitude(
-    directory: &Path,
-    stem: &str,
-    format: TableFormat,
-) -> anyhow::Result<Table> {
-    Table::create(directory, stem, format, ATTITUDE)
+/// The table `attitude`, or one of another name with its columns.
+#[derive(Debug)]
+pub(crate) struct AttitudeTable {
+    table: Table,
+    turn_rate: TurnRate,
 }
 
 /// The tables of one run, in one format.
@@ -101,7 +102,7 @@ pub(crate) fn create_like_attitude(
 pub(crate) struct Tables {
     antennas: Vec<String>,
     points: Vec<String>,
-    attitude_table: Table,
+    attitude_table: AttitudeTable,
     baseline_table: Table,
     point_table: Option<Table>,
     /// Antennas by code differences to a station.
@@ -118,7 +119,7 @@ impl Tables {
     ) -> anyhow::Result<Self> {
         let table = |stem, columns| Table::create(directory, stem, format, columns);
         Ok(Self {
-            attitude_table: create_attitude(directory, format)?,
+            attitude_table: AttitudeTable::create(directory, "attitude", format)?,
             baseline_table: table("baselines", BASELINES)?,
             point_table: (!points.is_empty()).then(|| table("points", POINTS)).transpose()?,
             antenna_table: None,
@@ -141,7 +142,7 @@ impl Tables {
     /// Writes the rows of one epoch.
     pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
         let time = TimeColumns::new(row.time);
-        write_attitude(&mut self.attitude_table, &time, row)?;
+        self.attitude_table.write(&time, row)?;
         self.write_baselines(&time, row)?;
         self.write_points(&time, row)
     }
@@ -207,35 +208,56 @@ fn write_places(
     Ok(())
 }
 
-/// Writes the row of one epoch.
-pub(crate) fn write_attitude(
-    t: &mut Table,
-    time: &TimeColumns,
-    row: &EpochSolution,
-) -> anyhow::Result<()> {
-    time.write(t);
-    t.text(row.status.word());
-    t.text(row.reason.map_or("", |reason| reason.word()));
-    for count in [row.antennas, row.satellites, row.ambiguities] {
-        t.integer(i64::try_from(count).unwrap_or(i64::MAX));
+impl AttitudeTable {
+    /// Starts the table.
+    pub(crate) fn create(
+        directory: &Path,
+        stem: &str,
+        format: TableFormat,
+    ) -> anyhow::Result<Self> {
+        let table = Table::create(directory, stem, format, ATTITUDE)?;
+        Ok(Self { table, turn_rate: TurnRate::default() })
     }
-    attitude_columns(t, row.attitude.as_ref());
-    t.real(row.success_rate, 6);
-    t.real(row.ratio, 3);
-    t.real(row.residual_rms_m, 5);
-    position_columns(t, row.position.as_ref());
-    // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
-    let bias_s =
-        row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
-    let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
-    t.text(&format!("{}Z", utc.iso(7)));
-    let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
-    for i in 0..4 {
-        t.real(quaternion.map(|q| q[i]), 9);
+
+    /// Writes the row of one epoch; they come in the order of time.
+    pub(crate) fn write(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
+        let rates = self.turn_rate.push(row);
+        let t = &mut self.table;
+        time.write(t);
+        t.text(row.status.word());
+        t.text(row.reason.map_or("", |reason| reason.word()));
+        for count in [row.antennas, row.satellites, row.ambiguities] {
+            t.integer(i64::try_from(count).unwrap_or(i64::MAX));
+        }
+        attitude_columns(t, row.attitude.as_ref());
+        t.real(row.success_rate, 6);
+        t.real(row.ratio, 3);
+        t.real(row.residual_rms_m, 5);
+        position_columns(t, row.position.as_ref());
+        // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
+        let bias_s = row
+            .position
+            .and_then(|p| p.clock_m)
+            .map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
+        let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
+        t.text(&format!("{}Z", utc.iso(7)));
+        let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
+        for i in 0..4 {
+            t.real(quaternion.map(|q| q[i]), 9);
+        }
+        let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
+        t.real(line_elevation.map(f64::to_degrees), 5);
+        rates.iter().for_each(|rate| t.real(rate.map(|r| r.radps.to_degrees()), 5));
+        rates.iter().for_each(|rate| t.real(rate.map(|r| r.sd_radps.to_degrees()), 5));
+        let course = row.position.as_ref().and_then(course_rad);
+        t.real(course.map(f64::to_degrees), 3);
+        t.end_row()
     }
-    let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
-    t.real(line_elevation.map(f64::to_degrees), 5);
-    t.end_row()
+
+    /// Gives the file its name.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.table.finish()
+    }
 }
 
 /// `time_gpst, gps_week, tow_s`, made ready once for all rows of an epoch.

@@ -10,7 +10,7 @@ use crate::engine::{
 };
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
-use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
 
 /// An engine, beside a fixed station if there is one: rows then have the coordinates relative to it.
 #[derive(Debug)]
@@ -109,12 +109,17 @@ impl Station {
         row.by_code = by_code.baselines.iter().map(|baseline| self.end_of(baseline)).collect();
         let fixed = by_phase.baselines.first().filter(|_| by_phase.status == Status::Fixed);
         let first = fixed.map(|baseline| self.end_of(baseline));
+        let origin = match first {
+            Some(_) => PositionOrigin::StationPhase,
+            None => PositionOrigin::StationCode,
+        };
         let best = first.or_else(|| row.by_code.first().copied());
         if let (Some(position), Some(best)) = (&mut row.position, best) {
             position.antenna = Some(best.index);
             position.geodetic = best.geodetic;
             position.position_m = best.geodetic.to_ecef();
             position.covariance_m2 = best.covariance_m2;
+            position.origin = origin;
             place_body(row, engine.settings());
         }
     }

@@ -18,6 +18,8 @@ pub mod antenna_calibration;
 
 pub mod solution;
 
+pub mod turn_rate;
+
 pub mod chi_square;
 
 // The inputs.

@@ -251,6 +251,21 @@ pub struct PositionEstimate {
     pub velocity_mps: Option<Vector<Ned>>,
     /// Clock of the first antenna's receiver times c, m, where it was estimated.
     pub clock_m: Option<f64>,
+    /// Horizontal dilution of precision, where satellites were used.
+    pub hdop: Option<f64>,
+    /// What the coordinates rest on.
+    pub origin: PositionOrigin,
+}
+
+/// What coordinates rest on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PositionOrigin {
+    /// The antenna's own code.
+    Alone,
+    /// Code of the antenna and a fixed station.
+    StationCode,
+    /// Carrier phases of both, with integers.
+    StationPhase,
 }
 
 /// A baseline in local level axes at the first antenna.

@@ -18,6 +18,7 @@ use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
+use kurs_formats::nmea::Profile;
 
 use crate::failure::UsageError;
 use crate::output;
@@ -95,8 +96,11 @@ enum Format {
     Csv,
     /// The same rows as JSON lines.
     Jsonl,
-    /// attitude.nmea: HDT, THS, PASHR, GGA.
+    /// attitude.nmea: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
     Nmea,
+    /// The same with PASHR, which has the standard deviations (not for gpsd).
+    #[value(name = "nmea:survey")]
+    NmeaSurvey,
 }
 
 /// Runs the command.
@@ -198,8 +202,9 @@ impl Outputs {
                 });
             }
         }
-        let nmea =
-            formats.contains(&Format::Nmea).then(|| NmeaLog::create(directory)).transpose()?;
+        let profiles = [(Format::NmeaSurvey, Profile::Survey), (Format::Nmea, Profile::Marine)];
+        let wanted = profiles.iter().find(|(format, _)| formats.contains(format));
+        let nmea = wanted.map(|(_, profile)| NmeaLog::create(directory, *profile)).transpose()?;
         Ok(Self { tables, nmea })
     }
 

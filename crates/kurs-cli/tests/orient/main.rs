@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use assert_cmd::Command;
 use figures::{COLUMNS, Figures, is_fixed};
+use kurs::frames::Attitude;
 use kurs::time::{Calendar, GpsTime};
 use simulation::{SQUARE, Simulation, TRIANGLE, simulate};
 
@@ -90,6 +91,74 @@ fn the_array_is_estimated_from_the_data() {
     assert!(error_m < GEOMETRY_M, "{error_m}");
     let figures = Figures::of(&rows(folder.path()), &simulation);
     assert!((figures.rms_over_bound - 1.0).abs() < 0.05, "{figures:?}");
+}
+
+/// A number of every row, by the name of its column; `None` for an empty field.
+fn column(folder: &Path, name: &str) -> Vec<Option<f64>> {
+    let mut reader = csv::Reader::from_path(folder.join("kurs-out/attitude.csv")).unwrap();
+    let place = reader.headers().unwrap().iter().position(|found| found == name).unwrap();
+    reader.records().map(|row| row.unwrap()[place].parse().ok()).collect()
+}
+
+/// Two antennas nearly abreast of a body that pitches by up to 11°: heading and roll, as good as they
+/// say, and nothing of the pitch.
+#[test]
+fn a_pair_across_the_body_gives_heading_and_roll() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulation = simulate(&[[0.0, 0.0, 0.0], [0.3, 1.2, 0.0]], 3000, 5);
+    write(folder, &simulation, true);
+    let config = simulation.configuration(true) + "[orient]\nroll_sd_deg = 10.0\n";
+    fs::write(folder.join("config.toml"), config).unwrap();
+    kurs(folder, &["orient", "config.toml", "positions.csv", "--quiet"]).success();
+    for absent in ["pitch_deg", "pitch_sd_deg", "qw"] {
+        assert!(column(folder, absent).iter().all(Option::is_none), "{absent}");
+    }
+    assert!(column(folder, "line_elevation_deg").iter().flatten().count() > 2900);
+    for (name, truth) in [
+        ("heading", (|t: &Attitude| t.heading_rad) as fn(&Attitude) -> f64),
+        ("roll", |t: &Attitude| t.roll_rad),
+    ] {
+        let angles = column(folder, &format!("{name}_deg"));
+        let sds = column(folder, &format!("{name}_sd_deg"));
+        let rows = angles.iter().zip(&sds).zip(&simulation.truths);
+        let squares: Vec<f64> = rows
+            .filter_map(|((angle, sd), known)| {
+                let error = (angle.as_ref()?.to_radians() - truth(&known.attitude)).sin();
+                known.displaced.is_none().then(|| (error.to_degrees() / sd.unwrap()).powi(2))
+            })
+            .collect();
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        assert!(squares.len() > 2800 && (0.5..1.5).contains(&mean), "{name}: {mean}");
+    }
+}
+
+/// The survey adds its own variance, the same in all rows, and the summary says it apart.
+#[test]
+fn the_survey_of_the_array_is_in_the_standard_deviations() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulation = simulate(&SQUARE, 200, 6);
+    let variance = |array_sd_m: f64| {
+        write(folder, &simulation, true);
+        let key = format!("[orient]\narray_sd_m = {array_sd_m}\n");
+        fs::write(folder.join("config.toml"), simulation.configuration(true) + &key).unwrap();
+        kurs(folder, &["orient", "config.toml", "positions.csv", "--quiet"]).success();
+        let summary = fs::read_to_string(folder.join("kurs-out/summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        let sds = column(folder, "heading_sd_deg");
+        let squares: Vec<f64> = sds.iter().flatten().map(|sd| sd * sd).collect();
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        (mean, summary["installation_sd_deg"]["heading"].as_f64().unwrap())
+    };
+    let (exact, nothing) = variance(0.0);
+    let (surveyed, installation) = variance(0.01);
+    assert_eq!(nothing, 0.0);
+    let added = (surveyed - exact) / installation.powi(2);
+    assert!((added - 1.0).abs() < 0.1, "{exact} {surveyed} {installation}");
+    // 1 cm in each coordinate of a square of 0.8 m: 0.01 / 0.8 rad, a little more of three antennas.
+    let expected = (0.01f64 / 0.8).to_degrees();
+    assert!((0.9..1.2).contains(&(installation / expected)), "{installation} {expected}");
 }
 
 /// The closed form loses to the weighted fit, and says by how much.

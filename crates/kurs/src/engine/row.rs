@@ -5,7 +5,7 @@ use crate::frames::{Geodetic, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{EpochSolution, PointEstimate, PositionEstimate, Reason};
+use crate::solution::{EpochSolution, PointEstimate, PositionEstimate, PositionOrigin, Reason};
 
 use super::estimator::{Estimator, Judged};
 use super::locate::Located;
@@ -34,6 +34,8 @@ impl Estimator {
             covariance_m2: ned_from_ecef.turn_covariance(&point.covariance_m2),
             velocity_mps: located.velocity.map(|v| ned_from_ecef * v.velocity_mps),
             clock_m: Some(point.clock_m),
+            hdop: Some(point.dop.hdop),
+            origin: PositionOrigin::Alone,
         });
         row
     }

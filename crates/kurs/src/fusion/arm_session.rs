@@ -16,7 +16,9 @@ use crate::observation::AntennaEpoch;
 use crate::point::{self, NoPosition, PointSettings, PointSolution, Tracked};
 use crate::signal::{SPEED_OF_LIGHT_MPS, System};
 use crate::sky::NoiseModel;
-use crate::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use crate::solution::{
+    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Reason, Status,
+};
 use crate::time::GpsTime;
 
 /// A clock that differs from its prediction by more than this has jumped, m.
@@ -374,6 +376,8 @@ fn solution(filter: &ArmFilter, time: GpsTime) -> EpochSolution {
             covariance_m2: ned_from_ecef.turn_covariance(&position_covariance),
             velocity_mps: Some(velocity_mps),
             clock_m: Some(motion.clock_m),
+            hdop: None,
+            origin: PositionOrigin::Alone,
         }),
         ..EpochSolution::lost(time, Reason::BadInput)
     }

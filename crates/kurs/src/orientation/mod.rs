@@ -19,8 +19,8 @@ use crate::attitude::weighted::logarithm;
 use crate::attitude::{AttitudeError, MeasuredLine, VerticalMemory, three_point};
 use crate::frames::{Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
 use crate::solution::{
-    AttitudeEstimate, BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate, Reason,
-    Status,
+    AttitudeEstimate, BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate,
+    PositionOrigin, Reason, Status,
 };
 use crate::time::GpsTime;
 use consistency::{Fit, FitKind, NoFit};
@@ -314,6 +314,8 @@ fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEs
         covariance_m2,
         velocity_mps: None,
         clock_m: None,
+        hdop: None,
+        origin: PositionOrigin::Alone,
     }
 }
 
@@ -326,6 +328,8 @@ fn first_position(local: &LocalEpoch) -> PositionEstimate {
         covariance_m2: local.points[0].covariance_m2,
         velocity_mps: None,
         clock_m: None,
+        hdop: None,
+        origin: PositionOrigin::Alone,
     }
 }
 

@@ -12,7 +12,7 @@ use crate::fuse::events::{self, EventLog};
 use crate::output;
 use crate::summary::{Damage, Summary, SummaryFile};
 use crate::table::{Table, TableFormat};
-use crate::tables::{TimeColumns, create_attitude, create_like_attitude, write_attitude};
+use crate::tables::{AttitudeTable, TimeColumns};
 use crate::truth::Truth;
 
 /// Health of the filter since the row before.
@@ -36,8 +36,8 @@ const HEALTH: &[&str] = &[
 
 /// The tables in the making.
 pub(super) struct Rows {
-    attitude: Table,
-    smoothed: Option<Table>,
+    attitude: AttitudeTable,
+    smoothed: Option<AttitudeTable>,
     health: Table,
     truth: Option<Truth>,
     filtered_agreement: Agreement,
@@ -110,10 +110,10 @@ impl Rows {
         antennas: Vec<String>,
     ) -> anyhow::Result<Self> {
         let format = TableFormat::Csv;
-        let smoothed = smooth.then(|| create_like_attitude(directory, "smoothed", format));
+        let smoothed = smooth.then(|| AttitudeTable::create(directory, "smoothed", format));
         let smoothed = smoothed.transpose()?;
         Ok(Self {
-            attitude: create_attitude(directory, format)?,
+            attitude: AttitudeTable::create(directory, "attitude", format)?,
             smoothed,
             health: Table::create(directory, "health", format, HEALTH)?,
             truth,
@@ -130,7 +130,7 @@ impl Rows {
     pub(super) fn write(&mut self, row: &FusedRow) -> anyhow::Result<()> {
         let solution = &row.solution;
         let time = TimeColumns::new(solution.time);
-        write_attitude(&mut self.attitude, &time, solution)?;
+        self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
         self.total.add(&row.health, solution.prediction);
         self.write_health(&time, row)?;
@@ -145,7 +145,7 @@ impl Rows {
     pub(super) fn write_smoothed(&mut self, session: AttitudeSession) -> anyhow::Result<()> {
         let Some(table) = &mut self.smoothed else { return Ok(()) };
         for solution in session.into_smoothed() {
-            write_attitude(table, &TimeColumns::new(solution.time), &solution)?;
+            table.write(&TimeColumns::new(solution.time), &solution)?;
             if let Some(truth) = &self.truth {
                 self.smoothed_agreement.add(&solution, truth);
             }
@@ -184,7 +184,7 @@ impl Rows {
         };
         output::write_json(directory, "summary.json", &summary)?;
         self.attitude.finish()?;
-        self.smoothed.map_or(Ok(()), Table::finish)?;
+        self.smoothed.map_or(Ok(()), AttitudeTable::finish)?;
         self.health.finish()?;
         Ok(finished)
     }

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use kurs::frames::{Geodetic, Rotation, Vector};
-use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, Reason, Status};
+use kurs::solution::{
+    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Reason, Status,
+};
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
 
@@ -178,6 +180,8 @@ impl Fields<'_> {
             covariance_m2,
             velocity_mps,
             clock_m: self.number("clock_bias_m")?,
+            hdop: None,
+            origin: PositionOrigin::Alone,
         }))
     }
 
@@ -198,5 +202,34 @@ impl Fields<'_> {
 
     fn wrong(&self, name: &str) -> String {
         format!("{name}: `{}` found, which is not what kurs solve writes", self.text(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left without the installation is a covariance, however large its part is.
+    #[test]
+    fn the_installation_is_a_part_of_the_covariance() {
+        let covariance = Matrix3::new(4.0, 1.0, 0.5, 1.0, 3.0, -0.2, 0.5, -0.2, 2.0);
+        let part = installation_part(&covariance, [1.0, 0.0, 9.0]);
+        let noise = covariance - part;
+        assert!((part[(0, 0)] - 1.0).abs() < 1e-12 && part[(1, 1)].abs() < 1e-12);
+        assert!((noise[(2, 2)] - 0.02).abs() < 1e-12, "{noise}");
+        assert!(noise.cholesky().is_some());
+    }
+
+    #[test]
+    fn the_summary_beside_the_rows_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        assert_eq!(installation_sd_rad(&path).unwrap(), None);
+        std::fs::write(&path, r#"{"installation_sd_deg": {"heading": 0.5, "roll": null}}"#)
+            .unwrap();
+        let found = installation_sd_rad(&path).unwrap().unwrap();
+        assert_eq!(found, [0.5f64.to_radians(), 0.0, 0.0]);
+        std::fs::write(&path, "{}").unwrap();
+        assert_eq!(installation_sd_rad(&path).unwrap(), None);
     }
 }

@@ -12,7 +12,7 @@ use crate::fuse::events::{self, EventLog};
 use crate::output;
 use crate::summary::{Damage, Summary};
 use crate::table::{Table, TableFormat};
-use crate::tables::{TimeColumns, create_attitude, write_attitude};
+use crate::tables::{AttitudeTable, TimeColumns};
 use crate::truth::Truth;
 
 /// Health of the filter since the row before.
@@ -33,7 +33,7 @@ const HEALTH: &[&str] = &[
 
 /// The tables in the making.
 pub(super) struct Rows {
-    attitude: Table,
+    attitude: AttitudeTable,
     health: Table,
     truth: Option<Truth>,
     agreement: Agreement,
@@ -73,7 +73,7 @@ struct TallySummary {
 impl Rows {
     pub(super) fn create(directory: &Path, truth: Option<Truth>) -> anyhow::Result<Self> {
         Ok(Self {
-            attitude: create_attitude(directory, TableFormat::Csv)?,
+            attitude: AttitudeTable::create(directory, "attitude", TableFormat::Csv)?,
             health: Table::create(directory, "health", TableFormat::Csv, HEALTH)?,
             truth,
             agreement: Agreement::default(),
@@ -87,7 +87,7 @@ impl Rows {
     pub(super) fn write(&mut self, row: &SessionRow) -> anyhow::Result<()> {
         let solution = &row.solution;
         let time = TimeColumns::new(solution.time);
-        write_attitude(&mut self.attitude, &time, solution)?;
+        self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
         self.total.add(&row.health);
         self.write_health(&time, row)?;
