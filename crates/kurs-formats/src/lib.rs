@@ -4,11 +4,13 @@
 pub mod antex;
 pub mod content;
 pub mod damage;
+mod epoch_order;
 mod fields;
 pub mod logs;
 pub mod navigation;
 mod navigation_frames;
 pub mod observations;
+mod pending_slips;
 pub mod positions;
 pub mod rinex;
 pub mod rtcm;

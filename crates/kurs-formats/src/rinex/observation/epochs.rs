@@ -16,8 +16,9 @@ use super::events::EventLog;
 use super::fields::{FIELD, Seen, drop_empty, is_observations, present, put_fields, text_field};
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
-use super::slips::PendingSlips;
 use crate::damage::DamageLog;
+use crate::epoch_order::RawEpochs;
+use crate::pending_slips::PendingSlips;
 use crate::rinex::fields::{columns, label};
 use crate::source::ReadError;
 
@@ -43,26 +44,9 @@ pub(super) struct EpochReader {
     satellites: Vec<Option<Satellite>>,
 }
 
-impl EpochReader {
-    /// Reads the header; the lines are at its first record, which is in `header` already.
-    pub(super) fn new(lines: Lines, header: ObservationHeader) -> Result<Self, ReadError> {
-        let mut reader = Self {
-            lines,
-            header,
-            damage: DamageLog::default(),
-            slips: PendingSlips::default(),
-            events: EventLog::default(),
-            field_count: 0,
-            columns: Default::default(),
-            satellites: Vec::new(),
-        };
-        reader.read_header()?;
-        Ok(reader)
-    }
-
-    /// Reads the next epoch into `epoch` and gives its line; `None` at the end. Events on the way
-    /// change the header or become slips.
-    pub(super) fn next(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
+impl RawEpochs for EpochReader {
+    /// Events on the way change the header or become slips.
+    fn next(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
         while self.advance()? {
             if self.lines.take_lost() {
                 self.slips.mark_all();
@@ -97,6 +81,32 @@ impl EpochReader {
         }
         epoch.observations.clear();
         Ok(None)
+    }
+
+    fn slips(&mut self) -> &mut PendingSlips {
+        &mut self.slips
+    }
+
+    fn damage(&mut self) -> &mut DamageLog {
+        &mut self.damage
+    }
+}
+
+impl EpochReader {
+    /// Reads the header; the lines are at its first record, which is in `header` already.
+    pub(super) fn new(lines: Lines, header: ObservationHeader) -> Result<Self, ReadError> {
+        let mut reader = Self {
+            lines,
+            header,
+            damage: DamageLog::default(),
+            slips: PendingSlips::default(),
+            events: EventLog::default(),
+            field_count: 0,
+            columns: Default::default(),
+            satellites: Vec::new(),
+        };
+        reader.read_header()?;
+        Ok(reader)
     }
 
     fn advance(&mut self) -> Result<bool, ReadError> {

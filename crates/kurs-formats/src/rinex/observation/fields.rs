@@ -4,8 +4,8 @@ use kurs::observation::{Lock, Observation};
 use kurs::signal::{Satellite, System};
 
 use super::columns::{Column, Quantity};
-use super::slips::PendingSlips;
 use crate::damage::DamageLog;
+use crate::pending_slips::PendingSlips;
 use crate::rinex::fields::{Damaged, columns, f14_3};
 
 /// Width of an observation: F14.3, loss-of-lock digit, strength digit.
