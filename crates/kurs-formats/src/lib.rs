@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod antex;
+mod compress;
 pub mod content;
 pub mod damage;
 mod epoch_order;
