@@ -137,13 +137,13 @@ impl Dating {
         self.clock.is_some() && self.is_weekly && most >= ENOUGH && total - most < most / 2
     }
 
-    /// Where the log begins; `None` if it has no observations whose time can be told, or nothing in
-    /// it tells the week.
+    /// Where the log begins (without observations some days around it); `None` if nothing in it tells
+    /// the week.
     pub(crate) fn begin(mut self) -> Option<Begin> {
         core::mem::take(&mut self.waiting).into_iter().for_each(|(told, how)| self.vote(told, how));
-        let (first, _) = self.clock?;
-        let weeks = self.weeks()?;
-        Some(Begin { time: first + weeks as f64 * WEEK_S, is_weekly: self.is_weekly })
+        let first = self.clock.map_or(self.near, |(first, _)| first);
+        let time = first + self.weeks()? as f64 * WEEK_S;
+        Some(Begin { time, is_weekly: self.is_weekly })
     }
 
     /// The first observation if `date` is within three days of it.
@@ -151,13 +151,6 @@ impl Dating {
         let (first, _) = self.clock?;
         let time = date.nearest_with_tow(first.tow_s())?;
         Some(Begin { time, is_weekly: self.is_weekly })
-    }
-
-    /// A time within some days of where the log begins, observations or not.
-    pub(crate) fn begin_time(mut self) -> Option<GpsTime> {
-        core::mem::take(&mut self.waiting).into_iter().for_each(|(told, how)| self.vote(told, how));
-        let first = self.clock.map_or(self.near, |(first, _)| first);
-        Some(first + self.weeks()? as f64 * WEEK_S)
     }
 
     /// What most say; of several the latest, because what is stale is old.

@@ -100,8 +100,8 @@ impl RtcmEphemerides {
 
     /// Reads them all, each near the time at which it came; those of another time are noted.
     fn read(self, data: &mut NavigationData, summary: &mut ReadSummary) {
-        let begin = self.dating.begin_time();
-        let mut now = begin.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
+        let middle = GpsTime::from_nanoseconds(MIDDLE_WEEK_NS);
+        let mut now = self.dating.begin().map_or(middle, |begin| begin.time);
         let mut times = self.times.into_iter().peekable();
         for (index, (offset, body)) in self.messages.iter().enumerate() {
             while let Some((_, header)) = times.next_if(|(before, _)| *before <= index) {

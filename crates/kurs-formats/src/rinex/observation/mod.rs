@@ -162,7 +162,7 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
                 compact_version = Some(version);
             }
             b"RINEX VERSION / TYPE" => {
-                let header = first_record(&source)?;
+                let header = first_record(&source, source.line())?;
                 let lines = match compact_version {
                     None => Lines::Plain(source),
                     Some(version) => {
@@ -178,8 +178,7 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
 }
 
 /// Version and system of the file.
-fn first_record(source: &Source) -> Result<ObservationHeader, ReadError> {
-    let line = source.line();
+fn first_record(source: &Source, line: &[u8]) -> Result<ObservationHeader, ReadError> {
     let version = Version::parse(columns(line, 0..9));
     let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {
         let found = format!("RINEX version {:?}", text(line, 0..20));
