@@ -209,7 +209,7 @@ impl Record {
 
     /// RINEX 4.02, table A31.
     pub(super) fn store_time_offset(&self, data: &mut NavigationData) -> Result<(), String> {
-        self.refuse_damage("time offset", |_| true)?;
+        self.refuse_damage("time offset", |index| matches!(index, 1 | 2))?;
         let reference = self.date.and_then(GpsTime::from_calendar).unwrap_or_default();
         time_offset(self.offset_code, [self.value(1), self.value(2)], reference, data);
         Ok(())

@@ -51,7 +51,7 @@ impl Columns {
             let (quantity, signal) = match meaning {
                 Some((quantity, signal)) => (quantity, columns.signal_index(signal)),
                 None => {
-                    if quantity_of(code.0[0]) != Quantity::Other {
+                    if means_nothing(system, code, codes, header) {
                         columns.unknown.push(code);
                     }
                     (Quantity::Other, 0)
@@ -82,6 +82,21 @@ impl Columns {
             lock: Lock::default(),
         })
     }
+}
+
+/// Whether the format has no such code. One list of RINEX 2 is for all systems, and some of it means
+/// nothing for most of them; what means nothing for any is told of the first one.
+fn means_nothing(
+    system: System,
+    code: ObservationCode,
+    codes: &[ObservationCode],
+    header: &ObservationHeader,
+) -> bool {
+    let [first, ..] = System::ALL;
+    let is_told = header.version.major >= 3
+        || system == first
+            && System::ALL.iter().all(|system| version_2_meaning(*system, code, codes).is_none());
+    is_told && quantity_of(code.0[0]) != Quantity::Other
 }
 
 fn quantity_of(letter: u8) -> Quantity {

@@ -197,12 +197,13 @@ impl EpochReader {
             let known = core::mem::replace(columns, Columns::of(system, &self.header));
             if !columns.unknown.is_empty() && columns.unknown != known.unknown {
                 let version = self.header.version;
+                let who = if version.major < 3 { "no system".into() } else { system.to_string() };
+                let has = if version.major < 3 { "has" } else { "has no" };
                 let names: Vec<String> =
                     columns.unknown.iter().map(ToString::to_string).collect();
-                self.damage.note_with(line, || {
-                    let names = names.join(", ");
-                    format!("{system} has no observations {names} in RINEX {version}, not read").into()
-                });
+                let names = names.join(", ");
+                let what = format!("{who} {has} observations {names} in RINEX {version}, not read");
+                self.damage.note(line, what);
             }
         }
     }
