@@ -294,7 +294,7 @@ fn spare_fields_are_not_looked_at() {
         // The flag of the L2 P data; the time of transmission of E12; the age of R05.
         ("2.111000000000e+03 0.000000000000e+00\n", "", 0),
         ("     3.570350000000e+05", "", 1),
-        ("9.313225746155e-10 0.000000000000e+00\n    -9", "", 0),
+        ("-1.862645149231e-09 0.000000000000e+00\n", "", 0),
     ] {
         assert!(RECORDS.contains(found), "{found}");
         let broken = match (filled, noted) {
