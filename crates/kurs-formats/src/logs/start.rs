@@ -14,6 +14,8 @@ pub(crate) struct Start {
     /// The protocol of the first message with observations; where there is none, that of the first
     /// with observations that are not read, else that of the first message.
     pub(crate) protocol: Option<Protocol>,
+    /// The protocol of the first message with observations.
+    pub(crate) observing: Option<Protocol>,
     pub(crate) dating: Dating,
 }
 
@@ -46,5 +48,5 @@ pub(crate) fn look(
         }
         dating.take(&frame);
     }
-    Ok(Start { protocol: observing.or(unread).or(any), dating })
+    Ok(Start { protocol: observing.or(unread).or(any), observing, dating })
 }
