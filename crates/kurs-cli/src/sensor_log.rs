@@ -264,8 +264,7 @@ fn wrong_times(times_s: &[f64]) -> Option<String> {
     // Of the units that make it a sensor's step the one that makes it the most usual one.
     let unusual = |unit_s: f64| (step_s * unit_s / USUAL_STEP_S).ln().abs();
     let fits = |(_, unit_s): &&(&str, f64)| (MIN_STEP_S..=MAX_STEP_S).contains(&(step_s * unit_s));
-    let unit =
-        TIME_UNITS.iter().filter(fits).min_by(|a, b| unusual(a.1).total_cmp(&unusual(b.1)));
+    let unit = TIME_UNITS.iter().filter(fits).min_by(|a, b| unusual(a.1).total_cmp(&unusual(b.1)));
     let hint = unit.map_or_else(
         || "is `time_s` in seconds?".to_owned(),
         |(unit, unit_s)| format!("`time_s` looks like {unit}, multiply it by {unit_s:e}"),

@@ -277,6 +277,8 @@ fn a_log_with_observations_of_two_protocols() {
     let mut ubx = UbxWriter::new(Vec::new(), &NavigationData::default());
     ubx.write(&AntennaEpoch { time: first, ..AntennaEpoch::default() }).unwrap();
     log.extend(ubx.finish());
+    // Ahead of them a minute of sentences, more than is looked at to judge a file by its start.
+    log.splice(0..0, b"$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n".repeat(3000));
     let path = folder.path().join("both.log").display().to_string();
     fs::write(&path, log).unwrap();
     let reports = json(&[&path]);

@@ -193,7 +193,8 @@ fn broken_input_is_named() {
     assert!(refuse(&same, csv, 1).contains("line 2: azimuth_deg: `north` is not a number"));
     let csv = "time_s,station,azimut_deg\n0.0,S1,10.0\n";
     assert!(refuse(&same, csv, 1).contains("unknown column `azimut_deg`"));
-    let tdm = "CCSDS_TDM_VERS = 2.0\nMETA_START\nTIME_SYSTEM = NEVER\nMETA_STOP\nDATA_START\nDATA_STOP\n";
+    let tdm =
+        "CCSDS_TDM_VERS = 2.0\nMETA_START\nTIME_SYSTEM = NEVER\nMETA_STOP\nDATA_START\nDATA_STOP\n";
     assert!(refuse(&same, tdm, 1).contains("line 3: TIME_SYSTEM: `NEVER` found"));
     let typo = |config: String| config.replace("range_sd_m", "range_sdm");
     assert!(refuse(&typo, csv, 2).contains("did you mean `range_sd_m`?"));

@@ -130,7 +130,8 @@ impl<R: Read> Decoder<R> {
             self.ready.push(byte);
             entry = before;
         }
-        let first = u8::try_from(entry).map_err(|_| damaged("an entry that begins with no byte"))?;
+        let first =
+            u8::try_from(entry).map_err(|_| damaged("an entry that begins with no byte"))?;
         self.ready.push(first);
         if free < 1 << self.max_width {
             self.table.push((last, first));

@@ -127,7 +127,9 @@ impl Content {
             (b"CRINEX VERS   / TYPE", _) => Self::CompactRinex,
             (b"ANTEX VERSION / SYST", _) => Self::Antex,
             (b"RINEX VERSION / TYPE", Some(b'O' | b'o')) => Self::RinexObservation,
-            (b"RINEX VERSION / TYPE", Some(b'N' | b'G' | b'H' | b'L' | b'J')) => Self::RinexNavigation,
+            (b"RINEX VERSION / TYPE", Some(b'N' | b'G' | b'H' | b'L' | b'J')) => {
+                Self::RinexNavigation
+            }
             (b"RINEX VERSION / TYPE", _) => Self::RinexOther(first_words(kind)),
             _ => return None,
         })

@@ -103,9 +103,9 @@ impl ObservationSource {
             return Err(source.wrong_content(content.to_string(), EXPECTED));
         }
         let near = options.near(source.name());
-        let start = look(&mut source, options.protocol, near)?;
+        let start = look(&mut source, options.chosen_protocol(), near)?;
         // Sentences of NMEA may stand in front of a log for long.
-        let Some(found) = found.or(start.observing) else {
+        let Some(found) = found.or(start.found.filter(|_| start.observing.is_some())) else {
             return Err(source.wrong_content(content.to_string(), EXPECTED));
         };
         Ok(Self::Log(Box::new(LogReader::new(source, found, options, start)?)))

@@ -587,9 +587,15 @@ fn joined_files_are_read_with_their_own_headers() {
         + &format!("G05{}{}\n", field(1.2e8, ""), field(2.1e7, ""));
     let (epochs, damage) = read(&(first.clone() + &second));
     let g05: Vec<&Observation> = epochs.iter().map(|e| find(e, "G05", "G1C")).collect();
-    assert_eq!(g05.iter().map(|o| o.phase_cycles.unwrap()).collect::<Vec<_>>(), [1e8, 1e8, 1.2e8, 1.2e8]);
+    assert_eq!(
+        g05.iter().map(|o| o.phase_cycles.unwrap()).collect::<Vec<_>>(),
+        [1e8, 1e8, 1.2e8, 1.2e8]
+    );
     assert_eq!(g05[2].pseudorange_m, Some(2.1e7));
-    assert_eq!(g05.iter().map(|o| o.lock.slipped()).collect::<Vec<_>>(), [false, false, true, false]);
+    assert_eq!(
+        g05.iter().map(|o| o.lock.slipped()).collect::<Vec<_>>(),
+        [false, false, true, false]
+    );
     assert_eq!(damage, 1);
 
     let older = header_2('G', "    C1    L1") + &epoch_2(4, 0, &["G05"]) + &field(2e7, "") + "\n";
@@ -625,7 +631,9 @@ fn codes_that_do_not_exist_are_named() {
     assert_eq!(signals, ["C7I", "G2W"]);
     let damage: Vec<String> = reader.damage().iter().map(|d| d.what.to_string()).collect();
     assert_eq!(damage.len(), 3, "{damage:?}");
-    for named in ["GPS has no observations C1, L1, D1, S1", "BeiDou has no observations C1C, L1C", "C7P"] {
+    for named in
+        ["GPS has no observations C1, L1, D1, S1", "BeiDou has no observations C1C, L1C", "C7P"]
+    {
         assert!(damage.iter().any(|what| what.contains(named)), "{named}: {damage:?}");
     }
 }
@@ -653,9 +661,7 @@ fn harmless_faults_touch_no_phase() {
     ];
     let nan = format!("{:>14}  ", "NaN");
     let with_nan = format!("G07{}{nan}{}{}\n", field(2.1e7, ""), field(-12.5, ""), field(45.0, ""));
-    let epoch = |second: u32| {
-        epoch_3(second, 0, 2) + &gps("G05", 2e7, 1e8, "") + &with_nan
-    };
+    let epoch = |second: u32| epoch_3(second, 0, 2) + &gps("G05", 2e7, 1e8, "") + &with_nan;
     let text = header_3("3.05", 'M', &shifts) + &epoch(0) + &epoch(1) + "END OF FILE\n";
     let epochs = read_whole(&text);
     assert_eq!(find(&epochs[1], "G07", "G1C").phase_cycles, None);

@@ -688,7 +688,10 @@ fn the_week_is_that_of_most_ephemerides() {
     let summary = kurs_formats::navigation::read(&mut source, &mut data).unwrap();
     assert_eq!(data.ephemerides.len(), 3);
     let damage = summary.damage.listed();
-    assert!(damage.len() == 1 && damage[0].what.starts_with("R08: ephemeris of 2020"), "{damage:?}");
+    assert!(
+        damage.len() == 1 && damage[0].what.starts_with("R08: ephemeris of 2020"),
+        "{damage:?}"
+    );
 }
 
 /// A log whose first whole message is of another protocol than its observations, and one with
@@ -704,7 +707,8 @@ fn the_protocol_with_the_observations_counts() {
     let ubx = writer.finish();
 
     let behind_place = [b"$GNGGA,,,*56\r\n".to_vec(), place, ubx.clone()].concat();
-    let mut source = ObservationSource::new(std::io::Cursor::new(behind_place.clone()), "log").unwrap();
+    let mut source =
+        ObservationSource::new(std::io::Cursor::new(behind_place.clone()), "log").unwrap();
     let mut epoch = AntennaEpoch::default();
     assert!(source.next_epoch(&mut epoch).unwrap());
     assert_eq!(epoch.time, epochs[0].time);
@@ -729,6 +733,12 @@ fn the_protocol_with_the_observations_counts() {
         }
     };
     assert!(error.contains("u-blox") && error.contains("`protocol`"), "{error}");
+    // A station chooses its protocol, wherever the other one's messages are.
+    let source = Source::new(std::io::Cursor::new([ubx, rtcm.concat()].concat()), "log").unwrap();
+    let options = LogOptions { station: Some(9), ..LogOptions::default() };
+    let mut source = ObservationSource::from_source_with(source, &options).unwrap();
+    assert!(source.next_epoch(&mut epoch).unwrap());
+    assert_eq!(epoch, wanted[0]);
     for name in ["ubx", "rtcm3"] {
         let mut source = open(Some(name));
         let mut count = 0;
@@ -753,7 +763,10 @@ fn what_is_not_read_is_named_and_counted() {
         _ => message.clone(),
     };
     let damage = damage_of(messages.iter().flat_map(as_msm_3).collect());
-    assert!(damage.len() == 1 && damage[0].starts_with("9 messages 1073 are not read:"), "{damage:?}");
+    assert!(
+        damage.len() == 1 && damage[0].starts_with("9 messages 1073 are not read:"),
+        "{damage:?}"
+    );
 
     let raw = [0x02, 0x10, 0x00, 0x00, 0x12, 0x38];
     let log = [&[0xb5, 0x62][..], &raw].concat();

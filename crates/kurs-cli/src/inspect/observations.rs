@@ -167,7 +167,8 @@ pub(super) fn inspect(
     if sky.is_none() && !navigation.ephemerides.is_empty() {
         oddities.push("no sky: the navigation data are of other satellites or times".into());
     } else if is_log && navigation.ephemerides.is_empty() {
-        oddities.push(format!("no ephemerides in the log: for an attitude {SOURCES_OF_EPHEMERIDES}"));
+        oddities
+            .push(format!("no ephemerides in the log: for an attitude {SOURCES_OF_EPHEMERIDES}"));
     }
     let is_dated = source.is_dated();
     if !is_dated {

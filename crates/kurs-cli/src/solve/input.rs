@@ -57,10 +57,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
         // What is read here is gone from a pipe.
-        if !files.contains(&path)
-            && can_be_read_again(&path)
-            && Content::of_file(&path)?.is_log()
-        {
+        if !files.contains(&path) && can_be_read_again(&path) && Content::of_file(&path)?.is_log() {
             files.push(path);
         }
     }
@@ -91,7 +88,8 @@ fn names(files: &[PathBuf]) -> String {
 pub(crate) fn middle_time(navigation: &NavigationData) -> Option<GpsTime> {
     let store = &navigation.ephemerides;
     let nodes = store.precise().iter().flat_map(|(_, nodes)| nodes.iter().map(|node| node.time));
-    let mut times: Vec<GpsTime> = store.iter().map(Ephemeris::reference_time).chain(nodes).collect();
+    let mut times: Vec<GpsTime> =
+        store.iter().map(Ephemeris::reference_time).chain(nodes).collect();
     times.sort_unstable();
     times.get(times.len() / 2).copied()
 }

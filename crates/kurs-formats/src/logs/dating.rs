@@ -74,7 +74,9 @@ impl Dating {
     pub(crate) fn take(&mut self, frame: &Frame<'_>) {
         match frame.protocol {
             Protocol::Ubx if frame.body[..2] == rawx::RXM_RAWX => {
-                rawx::time(&frame.body[4..]).into_iter().for_each(|time| self.told(time, Told::Whole));
+                rawx::time(&frame.body[4..])
+                    .into_iter()
+                    .for_each(|time| self.told(time, Told::Whole));
             }
             Protocol::Ubx => {}
             Protocol::Sbf => {
@@ -109,7 +111,9 @@ impl Dating {
             _ => Some((time, time)),
         };
         if self.is_weekly {
-            core::mem::take(&mut self.waiting).into_iter().for_each(|(told, how)| self.vote(told, how));
+            core::mem::take(&mut self.waiting)
+                .into_iter()
+                .for_each(|(told, how)| self.vote(told, how));
         }
     }
 

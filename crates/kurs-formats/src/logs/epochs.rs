@@ -219,7 +219,8 @@ impl LogEpochs {
     /// Two protocols have observations and nobody chose.
     fn two_protocols(&self, other: Protocol) -> ReadError {
         let found = format!("observations in {} and in {other}", self.protocol);
-        let expected = "those of one protocol, or the key `protocol` of the antenna (ubx, rtcm3, sbf)";
+        let expected =
+            "those of one protocol, or the key `protocol` of the antenna (ubx, rtcm3, sbf)";
         self.source.wrong_content(found, expected)
     }
 }

@@ -8,7 +8,9 @@ pub(crate) fn of_name(path: &str) -> Option<GpsTime> {
     let name = path.rsplit(['/', '\\']).next()?;
     let runs = digit_runs(name);
     let separated = runs.windows(3).find_map(|three| separated_date(name, three));
-    separated.or_else(|| runs.iter().find_map(|run| packed_date(run.digits))).or_else(|| short(name))
+    separated
+        .or_else(|| runs.iter().find_map(|run| packed_date(run.digits)))
+        .or_else(|| short(name))
 }
 
 /// Digits in a row.
@@ -39,7 +41,9 @@ fn separated_date(name: &str, runs: &[Run<'_>]) -> Option<GpsTime> {
     };
     let is_date = year.digits.len() == 4 && month.digits.len() <= 2 && day.digits.len() <= 2;
     (is_date && follows(year, month) && follows(month, day))
-        .then(|| noon(year.digits.parse().ok()?, month.digits.parse().ok()?, day.digits.parse().ok()?))
+        .then(|| {
+            noon(year.digits.parse().ok()?, month.digits.parse().ok()?, day.digits.parse().ok()?)
+        })
         .flatten()
 }
 
@@ -100,7 +104,8 @@ mod tests {
         ] {
             assert_eq!(of_name(name), day, "{name}");
         }
-        for name in ["A.rtcm3", "log12345678.ubx", "2024-13-16.ubx", "20249991200", "site9990.24o"] {
+        for name in ["A.rtcm3", "log12345678.ubx", "2024-13-16.ubx", "20249991200", "site9990.24o"]
+        {
             assert_eq!(of_name(name), None, "{name}");
         }
     }

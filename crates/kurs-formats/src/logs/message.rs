@@ -30,7 +30,8 @@ pub enum Role {
 }
 
 /// Why messages of cut ranges are not read.
-const CUT_RANGES: &str = "their ranges lack the whole milliseconds (let the receiver send MSM 4 to 7)";
+const CUT_RANGES: &str =
+    "their ranges lack the whole milliseconds (let the receiver send MSM 4 to 7)";
 const OLD_RAW: &str = "raw data of older receivers (let the receiver send RXM-RAWX)";
 const OLD_MEASUREMENTS: &str = "let the receiver log MeasEpoch";
 

@@ -74,27 +74,25 @@ impl LogReader {
         const DATE: &str = "a message that does (1019, 1020, 1042, 1044, 1045 or 1046), navigation \
             files or a file name of the time, or the key `approximate_time`, a time within three days \
             of the log";
-        let observing = start.protocol.unwrap_or(found);
-        if options.antenna.is_some() && options.protocol.unwrap_or(observing) != Protocol::Sbf {
+        let found = start.found.unwrap_or(found);
+        let protocol = start.observing.or(options.protocol).unwrap_or(found);
+        if options.antenna.is_some() && protocol != Protocol::Sbf {
             let antenna =
                 "Septentrio blocks (SBF), because `antenna_id` chooses one of their antennas";
-            return Err(source.wrong_content(observing.to_string(), antenna));
+            return Err(source.wrong_content(found.to_string(), antenna));
         }
-        if options.station.is_some() && options.protocol.unwrap_or(observing) != Protocol::Rtcm3 {
+        if options.station.is_some() && protocol != Protocol::Rtcm3 {
             let station = "RTCM 3 messages, because `station_id` chooses one of their stations";
-            return Err(source.wrong_content(observing.to_string(), station));
+            return Err(source.wrong_content(found.to_string(), station));
         }
-        let protocol = options.protocol.unwrap_or(observing);
         let mut damage = DamageLog::default();
         let begin = begin(source.name(), options, start, &mut damage);
         let is_dated = protocol != Protocol::Rtcm3 || begin.is_some();
         if !is_dated && !options.any_week {
             return Err(source.wrong_content("RTCM 3 messages that do not tell the week", DATE));
         }
-        let begin = begin.unwrap_or(Begin {
-            time: GpsTime::from_nanoseconds(MIDDLE_WEEK_NS),
-            is_weekly: true,
-        });
+        let begin = begin
+            .unwrap_or(Begin { time: GpsTime::from_nanoseconds(MIDDLE_WEEK_NS), is_weekly: true });
         let epochs = Ordered::new(LogEpochs::new(source, protocol, options, begin, damage));
         Ok(Self { epochs, is_dated })
     }
@@ -156,20 +154,14 @@ impl LogReader {
 
 /// Where an RTCM 3 log begins: by the key, its own ephemerides, other files, its name. Disagreements
 /// are noted.
-fn begin(
-    name: &str,
-    options: &LogOptions,
-    start: Start,
-    damage: &mut DamageLog,
-) -> Option<Begin> {
+fn begin(name: &str, options: &LogOptions, start: Start, damage: &mut DamageLog) -> Option<Begin> {
     let dating = start.dating;
     let others = [
         (options.navigation_time, "the navigation files are"),
         (file_date::of_name(name), "the name of the file is"),
     ];
-    let by_date = |date: GpsTime| {
-        dating.begin_near(date).unwrap_or(Begin { time: date, is_weekly: true })
-    };
+    let by_date =
+        |date: GpsTime| dating.begin_near(date).unwrap_or(Begin { time: date, is_weekly: true });
     if let Some(date) = options.approximate_time {
         return Some(by_date(date));
     }

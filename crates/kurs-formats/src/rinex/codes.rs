@@ -8,9 +8,7 @@ const fn bands(system: System) -> &'static [(u8, &'static [u8])] {
     match system {
         System::Gps => &[(1, b"CSLXPWYMNR"), (2, b"CDSLXPWYMNR"), (5, b"IQX")],
         System::Glonass => &[(1, b"CP"), (2, b"CP"), (3, b"IQX"), (4, b"ABX"), (6, b"ABX")],
-        System::Galileo => {
-            &[(1, b"ABCXZ"), (5, b"IQX"), (6, b"ABCXZ"), (7, b"IQX"), (8, b"IQX")]
-        }
+        System::Galileo => &[(1, b"ABCXZ"), (5, b"IQX"), (6, b"ABCXZ"), (7, b"IQX"), (8, b"IQX")],
         System::Sbas => &[(1, b"C"), (5, b"IQX")],
         System::Qzss => &[(1, b"CESLXZB"), (2, b"SLX"), (5, b"IQXDPZ"), (6, b"SLXEZ")],
         // B1I is band 2. Band 1 is B1C (D, P, X) and B1A (S, L, Z); 7D, 7P and 7Z are B2b.
@@ -59,7 +57,9 @@ mod tests {
                 || crate::ubx::has_number(*signal)
         };
         let all = System::ALL.into_iter().flat_map(|system| {
-            (1..=9).flat_map(move |digit| (b'A'..=b'Z').map(move |code| Signal::new(system, digit, code)))
+            (1..=9).flat_map(move |digit| {
+                (b'A'..=b'Z').map(move |code| Signal::new(system, digit, code))
+            })
         });
         let logged: Vec<Signal> = all.filter(numbered).collect();
         assert!(logged.len() > 70, "{}", logged.len());

@@ -175,7 +175,17 @@ mod tests {
         assert_eq!(exponential(b" 0.499063314480-269"), Some(0.499_063_314_48e-269));
         assert_eq!(exponential(b"   "), Some(0.0));
         assert_eq!(exponential(b""), Some(0.0));
-        for wrong in [&b"1.5 D-08"[..], b"1.5-08", b"1-2-345x", b"nan", b"INF", b"1e999", b"x", b"\xff", &[b'1'; 40]] {
+        for wrong in [
+            &b"1.5 D-08"[..],
+            b"1.5-08",
+            b"1-2-345x",
+            b"nan",
+            b"INF",
+            b"1e999",
+            b"x",
+            b"\xff",
+            &[b'1'; 40],
+        ] {
             assert_eq!(exponential(wrong), None, "{wrong:?}");
         }
     }

@@ -64,7 +64,8 @@ fn week_s(bits: u64, near: GpsTime) -> f64 {
         return beyond_s;
     }
     let below_s = beyond_s - (1u64 << WIDTH) as f64 * 1e-3;
-    let away_s = |own_s: f64| near.nearest_with_tow(own_s).map_or(f64::INFINITY, |t| (t - near).abs());
+    let away_s =
+        |own_s: f64| near.nearest_with_tow(own_s).map_or(f64::INFINITY, |t| (t - near).abs());
     if away_s(below_s) < away_s(beyond_s) { below_s } else { beyond_s }
 }
 
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     fn header(system: System, epoch_time: u64) -> ObservationHeader {
-        ObservationHeader { system, epoch_time, station: 0, is_legacy: false }
+        ObservationHeader { system, epoch_time, station: 0 }
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl Layout {
 
 /// What is remembered from one epoch to the next.
 #[derive(Debug, Default)]
-pub(crate) struct Memory {
+pub(super) struct Memory {
     locks: LockTimes,
     /// Phase less range in cycles, and the cycles that were put on it.
     unwrapped: BTreeMap<(Satellite, Signal), f64>,
@@ -125,7 +125,8 @@ impl Memory {
             let channel = glonass_channels.get(&number).copied();
             for (digit, band) in [(1, Some(first)), (2, second)] {
                 let Some(band) = band else { continue };
-                let signal = Signal::new(satellite.system, digit, attribute(satellite, digit, band.code));
+                let signal =
+                    Signal::new(satellite.system, digit, attribute(satellite, digit, band.code));
                 let read = self.observation(satellite, signal, range_m, &band, time, channel);
                 observations.extend(read.filter(|o| !is_empty(o)));
             }

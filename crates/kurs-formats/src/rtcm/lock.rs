@@ -84,9 +84,17 @@ mod tests {
             assert_eq!(extended_ms(indicator), least_ms, "{indicator}");
             assert_eq!(to_ten_bits(least_ms as f64 * 1e-3), indicator);
         }
-        for (indicator, least_s) in
-            [(0, 0), (23, 23), (24, 24), (47, 70), (48, 72), (71, 164), (95, 352), (126, 936), (127, 937)]
-        {
+        for (indicator, least_s) in [
+            (0, 0),
+            (23, 23),
+            (24, 24),
+            (47, 70),
+            (48, 72),
+            (71, 164),
+            (95, 352),
+            (126, 936),
+            (127, 937),
+        ] {
             assert_eq!(seconds(indicator), least_s, "{indicator}");
         }
         assert_eq!(of_seven_bits(127).most_s, f64::INFINITY);

@@ -199,8 +199,7 @@ impl EpochReader {
                 let version = self.header.version;
                 let who = if version.major < 3 { "no system".into() } else { system.to_string() };
                 let has = if version.major < 3 { "has" } else { "has no" };
-                let names: Vec<String> =
-                    columns.unknown.iter().map(ToString::to_string).collect();
+                let names: Vec<String> = columns.unknown.iter().map(ToString::to_string).collect();
                 let names = names.join(", ");
                 let what = format!("{who} {has} observations {names} in RINEX {version}, not read");
                 self.damage.note(line, what);

@@ -370,10 +370,12 @@ impl HeaderRecords {
         let letter = line.first().copied().unwrap_or(b' ');
         if letter != b' ' {
             self.shift_of = None;
-            let (Some(system), &([b'L', digit @ b'1'..=b'9', attribute]
-            | [b' ', digit @ b'1'..=b'9', attribute]
-            | [digit @ b'1'..=b'9', attribute, b' '])) =
-                (System::from_letter(letter), columns(line, 2..5))
+            let (
+                Some(system),
+                &([b'L', digit @ b'1'..=b'9', attribute]
+                | [b' ', digit @ b'1'..=b'9', attribute]
+                | [digit @ b'1'..=b'9', attribute, b' ']),
+            ) = (System::from_letter(letter), columns(line, 2..5))
             else {
                 return Some(());
             };
