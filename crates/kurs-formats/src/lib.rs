@@ -2,8 +2,10 @@
 #![forbid(unsafe_code)]
 
 pub mod antex;
+mod compress;
 pub mod content;
 pub mod damage;
+mod epoch_order;
 mod fields;
 pub mod geoid;
 pub mod logs;
@@ -11,6 +13,7 @@ pub mod navigation;
 mod navigation_frames;
 pub mod nmea;
 pub mod observations;
+mod pending_slips;
 pub mod positions;
 pub mod rinex;
 pub mod rtcm;
