@@ -284,15 +284,15 @@ impl Estimator {
         if fix.is_sure() {
             let lengths = self.lengths(&fixed.baselines);
             checks.of_orientation(&lengths, orientation, scale, &self.settings);
-            if checks.hold() {
-                let testimony = self.hear(fixed);
-                checks.of_witness(testimony, fix.is_strong());
-            }
         }
-        let prediction = fixed.predicted.as_ref().filter(|_| checks.hold());
+        let prediction = fixed.predicted.as_ref().filter(|_| fix.is_sure() && checks.hold());
         let prediction = prediction.map(|p| p.role(&fixed.baselines, fixed.is_decided));
         if let Some(role) = prediction {
             checks.of_prediction(role);
+        }
+        if fix.is_sure() && checks.hold() {
+            let testimony = self.hear(fixed);
+            checks.of_witness(testimony, fix.is_strong() || prediction.is_some());
         }
         let (status, reason) = checks.verdict();
         let reason = match reason {
@@ -313,8 +313,7 @@ impl Estimator {
             cycles: &cycles,
             continuity: &self.continuity,
         };
-        let is_strong = fix.is_strong() || fixed.is_decided;
-        self.witness.hear(&claim, is_strong, self.levels.weight(), epoch.time)
+        self.witness.hear(&claim, self.levels.weight(), epoch.time)
     }
 
     /// How far each baseline is from the length that the known array gives it, squared and normalised.

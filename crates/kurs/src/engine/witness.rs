@@ -164,13 +164,7 @@ impl Witness {
 
     /// Hears the accepted integers of the epoch at `time`, which is `weight` of an independent one, and takes
     /// them in.
-    pub(super) fn hear(
-        &mut self,
-        claim: &Claim,
-        is_strong: bool,
-        weight: f64,
-        time: GpsTime,
-    ) -> Testimony {
+    pub(super) fn hear(&mut self, claim: &Claim, weight: f64, time: GpsTime) -> Testimony {
         let (testimony, is_one_slip) = claim.testimony(&self.held);
         let now = claim.held();
         match testimony {
@@ -185,7 +179,8 @@ impl Witness {
                 self.accept(now);
                 Testimony::Silent
             }
-            Testimony::Contradicts if is_one_slip && is_strong => {
+            // The others determine the baselines, and the phase fits to them with its new cycles.
+            Testimony::Contradicts if is_one_slip => {
                 self.accept(now);
                 Testimony::Agrees
             }
