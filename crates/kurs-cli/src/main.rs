@@ -6,6 +6,7 @@
 
 mod calibrate;
 mod config_file;
+mod copies;
 mod demo;
 mod doctor;
 mod failure;
@@ -18,6 +19,7 @@ mod plan;
 mod progress;
 mod report;
 mod sensor_log;
+mod session_span;
 mod simulate;
 mod solve;
 mod summary;

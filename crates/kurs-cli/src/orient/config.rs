@@ -40,7 +40,7 @@ pub(super) struct PointTable {
 pub(super) struct OrientTable {
     /// Times of one epoch differ by no more.
     pub(super) match_window_s: f64,
-    /// Standard deviations where the positions state none; only their ratio matters then.
+    /// Standard deviations where the positions state none; the known lengths may scale them.
     pub(super) sd_north_m: f64,
     pub(super) sd_east_m: f64,
     pub(super) sd_down_m: f64,

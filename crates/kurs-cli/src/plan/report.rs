@@ -31,6 +31,9 @@ type Rows = Vec<Vec<String>>;
 /// Prints the plan.
 pub(super) fn print(plan: &Plan) {
     println!("{}\n", summary(plan));
+    for note in &plan.notes {
+        println!("Note: {note}\n");
+    }
     for (title, header, rows) in tables(plan) {
         println!("{title}");
         let mut table = Table::new();
@@ -47,6 +50,9 @@ pub(super) fn print(plan: &Plan) {
 pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     let mut page = Page::new("Antenna array: what to expect");
     page.paragraph(&summary(plan));
+    for note in &plan.notes {
+        page.paragraph(&format!("Note: {note}"));
+    }
     page.heading("Accuracy over time");
     page.plot(&accuracy_plot(plan));
     page.heading("Array, seen from above, with the chosen baselines");
@@ -116,6 +122,8 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     let document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sky": plan.sky,
+        "notes": plan.notes,
+        "basis": basis_json(plan),
         "antennas": names,
         "epochs": epochs,
         "length_constrained": length_constrained,
@@ -129,6 +137,15 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     let mut file = OutputFile::create(directory, "plan.json")?;
     writeln!(file, "{document:#}")?;
     file.finish()
+}
+
+/// Value and origin of each key that the plan rests on.
+fn basis_json(plan: &Plan) -> Value {
+    let entry = |[key, text, origin]: [String; 3]| {
+        let value = text.parse::<f64>().map_or(json!(text), |number| json!(number));
+        (key, json!({ "value": value, "from": origin }))
+    };
+    Value::Object(plan.file.basis().into_iter().map(entry).collect())
 }
 
 fn epoch_json(epoch: &Epoch) -> Value {
@@ -165,7 +182,9 @@ fn summary(plan: &Plan) -> String {
 
 /// Title, header and rows of every table.
 fn tables(plan: &Plan) -> Vec<(&'static str, Vec<&'static str>, Rows)> {
+    let basis = plan.file.basis().into_iter().map(Vec::from).collect();
     let mut tables = vec![
+        ("What the plan rests on", vec!["key", "value", "from"], basis),
         (
             "Standard deviations with fixed integers, all antennas and their full covariance",
             vec!["", "median", "best", "worst"],

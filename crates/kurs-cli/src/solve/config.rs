@@ -14,6 +14,7 @@ use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::Protocol;
 use kurs_formats::sbf::AntennaId;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 
 use crate::config_file;
@@ -34,6 +35,13 @@ pub(crate) struct Config {
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
     pub(crate) station: Option<StationTable>,
+    // What `kurs plan` is told in the same file.
+    #[serde(default, rename = "plan")]
+    _plan: IgnoredAny,
+    #[serde(default, rename = "mask")]
+    _mask: IgnoredAny,
+    #[serde(default, rename = "baseline")]
+    _baseline: IgnoredAny,
 }
 
 /// One antenna.
@@ -368,6 +376,14 @@ impl Loaded {
     /// A path of the configuration, relative to its file's folder.
     pub(crate) fn path(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// Every file that the configuration names.
+    pub(crate) fn input_files(&self) -> Vec<PathBuf> {
+        let Config { antenna, station, nav, antex, .. } = &self.config;
+        let observed =
+            antenna.iter().flat_map(|a| &a.obs).chain(station.iter().flat_map(|s| &s.obs));
+        observed.chain(&nav.files).chain(&antex.files).map(|file| self.path(file)).collect()
     }
 
     /// `[nav] approximate_time`

@@ -20,7 +20,8 @@ use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 use kurs_formats::nmea::Profile;
 
-use crate::failure::UsageError;
+use crate::copies::Copies;
+use crate::failure::{RequiredFix, UsageError};
 use crate::output;
 use crate::progress::Progress;
 use crate::summary::{Damage, Summary};
@@ -61,6 +62,8 @@ pub(crate) struct Args {
     /// Prints every key in force and where its value comes from, and stops.
     #[arg(long)]
     explain: bool,
+    #[command(flatten)]
+    required_fix: RequiredFix,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -84,6 +87,7 @@ impl Args {
             report: true,
             truth: Some(truth),
             explain: false,
+            required_fix: RequiredFix::default(),
             quiet,
         }
     }
@@ -105,10 +109,7 @@ enum Format {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    if args.config.is_none() && args.antenna.is_empty() {
-        let expected = "give a configuration file, or --antenna NAME=OBS twice and --nav FILE";
-        return Err(UsageError(expected.into()).into());
-    }
+    check_given(args.config.as_deref(), &args.antenna)?;
     let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
     let loaded = config::load(args.config.as_deref(), &overrides)?;
     let settings =
@@ -128,10 +129,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let capable = streams.antennas_with_epochs() >= 2;
 
     let mut summary = Summary::new(antenna_names(&loaded));
+    let mut copies = Copies::default();
     let mut progress = Progress::start(args.quiet);
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
-        let row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+        let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+        if copies.add(&epoch) {
+            refuse_zero_baseline(&mut row);
+        }
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
@@ -151,11 +156,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if !args.quiet {
         print!("{}", closing(&summary, &damage, &args.out));
         print!("{}", review.text());
+        if let Some(line) = review::in_one_line(&loaded, &summary, &copies) {
+            println!("{line}");
+        }
     }
     if summary.has_solution() {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(args.required_fix.exit_code(&summary));
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
+}
+
+/// Whether there is anything to solve.
+pub(crate) fn check_given(config: Option<&Path>, antennas: &[String]) -> Result<(), UsageError> {
+    if config.is_none() && antennas.is_empty() {
+        let expected = "give a configuration file, or --antenna NAME=OBS twice and --nav FILE";
+        return Err(UsageError(expected.into()));
+    }
+    Ok(())
 }
 
 /// The engine of a configuration, beside its station if it has one.
@@ -178,6 +195,13 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
     row.status = Status::NotCapable;
     row.antennas = epoch.antennas.iter().flatten().count();
     row
+}
+
+/// An epoch whose antennas are one recording: its baselines are zero, which no array has.
+fn refuse_zero_baseline(row: &mut EpochSolution) {
+    (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
+    row.attitude = None;
+    row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
 }
 
 /// Everything that is written row by row.
