@@ -1,8 +1,8 @@
 //! `kurs demo`: a car with four antennas is simulated, solved and laid against the truth.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
+use crate::failure::ExitCode;
 use crate::{simulate, solve};
 
 /// Simulates a car with four antennas, solves it, compares with the truth and writes the report.

@@ -1,6 +1,24 @@
 //! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration.
 
-use std::process::ExitCode;
+/// The exit status of a command, as a number that a caller inside the process can read too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ExitCode(u8);
+
+impl ExitCode {
+    /// Done.
+    pub(crate) const SUCCESS: Self = Self(0);
+
+    /// As the operating system gets it.
+    pub(crate) const fn number(self) -> u8 {
+        self.0
+    }
+}
+
+impl From<u8> for ExitCode {
+    fn from(number: u8) -> Self {
+        Self(number)
+    }
+}
 
 /// Wrong usage or configuration; the text names the key or option, what was found and what was
 /// expected.

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::engine::{Constraint, Engine, Settings};
@@ -11,6 +10,7 @@ use kurs::observation::ArrayEpoch;
 use kurs::orientation::survey::{Survey, SurveyedArray};
 use kurs::solution::Status;
 
+use crate::failure::ExitCode;
 use crate::output::OutputFile;
 use crate::progress::Progress;
 use crate::solve::config::{self, Loaded, Overrides};

@@ -5,7 +5,6 @@ mod report;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::calibration::sensor_model::{Pose, SensorModel};
@@ -14,7 +13,7 @@ use kurs::calibration::{allan, gyro_bias, multi_pose, six_position};
 use kurs::fusion::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::output::OutputFile;
 use crate::sensor_log::{Backwards, SensorLog};
 

@@ -11,11 +11,11 @@ mod trials;
 mod usage;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use kurs::array::AntennaArray;
 use serde::Serialize;
 
+use crate::failure::ExitCode;
 use crate::output;
 use crate::solve::config::{self, Overrides};
 use crate::solve::{Input, antenna_names};

@@ -12,12 +12,11 @@ mod imu;
 mod tilt;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use kurs::frames::Attitude;
 
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 
 /// GNSS joined with inertial sensors: a rotating arm, or antennas with a gyro.
 #[derive(Debug, clap::Args)]

@@ -2,7 +2,6 @@
 //! complementary filter for each, and by exponential smoothing of what the accelerometers show.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
@@ -13,7 +12,7 @@ use serde::Deserialize;
 use super::Args;
 use super::imu::{ImuConfig, Sensor};
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::table::{Table, TableFormat};
 
 const COLUMNS: &[&str] = &[

@@ -11,7 +11,6 @@ mod timeline;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
@@ -20,7 +19,7 @@ use kurs_formats::logs::{self, LogPart};
 use kurs_formats::source::{ReadError, Source, can_be_read_again};
 use serde::Serialize;
 
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::output::OutputFile;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.

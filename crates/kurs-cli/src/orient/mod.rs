@@ -6,7 +6,6 @@ mod positions;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
@@ -18,7 +17,7 @@ use kurs_formats::positions::nmea::Date;
 use rayon::prelude::*;
 
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFile};
 use crate::progress::Progress;
 use crate::summary::Summary;

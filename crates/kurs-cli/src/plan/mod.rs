@@ -6,7 +6,6 @@ mod report;
 mod sky;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -26,7 +25,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use self::config::ArrayFile;
 use self::improvement::Improvement;
 use self::sky::Sky;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;

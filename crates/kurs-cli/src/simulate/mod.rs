@@ -8,14 +8,13 @@ mod scenario_file;
 mod truth_tables;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::signal::Signal;
 use kurs_formats::rinex::{ObservationFileHeader, write_navigation};
 use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::output::OutputFile;
 use crate::progress::Progress;
 use observation_files::{ObservationFiles, file_name, signals_left_out};

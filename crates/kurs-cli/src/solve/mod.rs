@@ -8,7 +8,6 @@ mod review;
 pub(crate) mod streams;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::antenna_calibration::MountedAntenna;
@@ -18,7 +17,7 @@ use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::output;
 use crate::progress::Progress;
 use crate::summary::{Damage, Summary};

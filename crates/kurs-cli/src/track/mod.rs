@@ -10,7 +10,6 @@ mod simulate;
 mod write;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
 use kurs::frames::{Ecef, Vector};
@@ -20,7 +19,7 @@ use self::config::{Config, SimulateConfig};
 use self::monte_carlo::SetComparison;
 use self::path::{PathFound, Status};
 use self::simulate::TruePoint;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 
 /// Trajectory of a moving object from angles, ranges, range differences and direction cosines that
 /// ground stations measure.

@@ -8,7 +8,6 @@ mod source;
 
 use std::fmt;
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -17,7 +16,7 @@ use kurs::fusion::attitude_session::AttitudeSession;
 use super::Args;
 use super::imu::Sensor;
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::truth::Truth;
 use config::Config;
 use rows::{Inputs, Rows};

@@ -6,7 +6,6 @@ mod rows;
 mod simulated;
 
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -15,7 +14,7 @@ use kurs::observation::AntennaEpoch;
 
 use super::Args;
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
 use crate::summary::Damage;
 use crate::truth::Truth;
 use config::Config;
