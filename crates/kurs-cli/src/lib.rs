@@ -5,15 +5,19 @@
 #![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
 
 mod calibrate;
+mod chart;
 mod config_file;
 mod demo;
 mod doctor;
 mod failure;
 mod fuse;
 mod inspect;
+mod interrupt;
+mod map_files;
 mod orient;
 mod output;
 mod page;
+mod pipe;
 mod plan;
 mod progress;
 mod report;
@@ -26,6 +30,7 @@ mod table;
 mod tables;
 mod track;
 mod truth;
+mod window;
 
 use std::ffi::OsString;
 
@@ -61,6 +66,7 @@ enum Command {
 ///
 /// Results go to standard output and to files, messages to standard error.
 pub fn run(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
+    interrupt::catch();
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         // Also `--help` and `--version`, which are no failures.

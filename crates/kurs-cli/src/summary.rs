@@ -21,6 +21,7 @@ pub(crate) struct Summary {
     capable: u64,
     first: Option<GpsTime>,
     first_fix: Option<GpsTime>,
+    is_interrupted: bool,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
     /// Of [`COMPONENTS`], by the antennas at the ends.
@@ -76,6 +77,7 @@ pub(crate) struct SummaryFile<'a> {
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
+    interrupted: bool,
 }
 
 impl Summary {
@@ -89,9 +91,15 @@ impl Summary {
             capable: 0,
             first: None,
             first_fix: None,
+            is_interrupted: false,
             angles: Default::default(),
             baselines: BTreeMap::new(),
         }
+    }
+
+    /// The run ended before its input.
+    pub(crate) fn interrupt(&mut self) {
+        self.is_interrupted = true;
     }
 
     /// Takes one row into account; `capable`: it had enough input to be fixed.
@@ -201,6 +209,7 @@ impl Summary {
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
+            interrupted: self.is_interrupted,
         }
     }
 

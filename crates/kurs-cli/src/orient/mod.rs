@@ -18,11 +18,14 @@ use rayon::prelude::*;
 
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
-use crate::output::{self, OutputFile};
-use crate::progress::Progress;
+use crate::interrupt::Watch;
+use crate::output::{self, OutputFile, OutputFolder};
+use crate::progress::{Progress, Work};
+use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::table::TableFormat;
 use crate::tables::Tables;
+use crate::window::Window;
 use config::Config;
 use positions::Positions;
 
@@ -30,6 +33,21 @@ use positions::Positions;
 const TRUSTED_SD_FACTOR: f64 = 1.5;
 /// Epochs that are solved, by all processors, while those before are written.
 const EPOCHS_AT_ONCE: usize = 8192;
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "attitude.csv",
+    "attitude.jsonl",
+    "baselines.csv",
+    "baselines.jsonl",
+    "points.csv",
+    "points.jsonl",
+    "array.toml",
+    "summary.json",
+    "report.html",
+    "track.geojson",
+    "track.kml",
+];
 
 /// Attitude from antenna coordinates that receivers already give.
 #[derive(Debug, clap::Args)]
@@ -45,12 +63,24 @@ pub(crate) struct Args {
     /// UTC date of the first position, for NMEA logs that say none.
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<Date>,
+    /// Sets a key of the table `orient`, or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
     /// Folder for the outputs.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/orient")]
     out: PathBuf,
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<TableFormat>,
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
+    /// maps, track.geojson and track.kml.
+    #[arg(long)]
+    report: bool,
+    /// Prints summary.json in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -77,36 +107,60 @@ fn date(text: &str) -> Result<Date, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
+    args.window.check()?;
+    let config: Config = config_file::read_with(&args.config, &args.set, "orient")?;
     config.check()?;
     let given = config.array()?;
     let names = config.names();
-    let input = positions::read(&args.positions, args.date, &config)?;
+    let mut input = positions::read(&args.positions, args.date, &config)?;
+    input.epochs.retain(|epoch| args.window.contains(epoch.time));
     if input.epochs.is_empty() {
         bail!("no position of the antennas {} in {}", names.join(", "), args.positions.join(", "));
     }
 
+    let inputs = positions::files(&args.positions, &names);
+    let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
     let array = match given {
         Some(array) => array,
-        None => estimated_array(&input, &names, &args.out)?,
+        None => estimated_array(&input, &names, folder.path())?,
     };
     let orienter = orienter(args, &config, array, &input)?;
-    let mut outputs = Outputs::create(args, &config)?;
-    outputs.write_all(&orienter, &input.epochs)?;
-    let Outputs { summary, tables, progress } = outputs;
+    let watch = Watch::begin();
+    let mut outputs = Outputs::create(folder.path(), args, &config)?;
+    outputs.write_all(&orienter, &input.epochs, &watch)?;
+    let Outputs { mut summary, tables, progress, report, .. } = outputs;
     let wall_s = progress.finish();
+    if watch.is_interrupted() {
+        summary.interrupt();
+    }
 
     let text = std::fs::read_to_string(&args.config).unwrap_or_default();
     let file = summary.file(&text, &input.damage, wall_s);
-    output::write_json(&args.out, "summary.json", &file)?;
     for tables in tables {
         tables.finish()?;
     }
-    if !args.quiet {
+    if let Some(report) = report {
+        let input = |file: &PathBuf| ["positions".to_owned(), file.display().to_string()];
+        let words = Words {
+            title: "Kurs: attitude from coordinates",
+            inputs: inputs.iter().map(input).collect(),
+            headline: summary.headline(),
+            moments: summary.means(),
+            configuration: text,
+            ephemerides: None,
+        };
+        report.write(folder.path(), &words)?;
+    }
+    output::write_json(folder.path(), "summary.json", &file)?;
+    folder.publish()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&file)?);
+    } else if !args.quiet {
         println!("{}\nwritten to {}", summary.text(), args.out.display());
     }
     if summary.has_solution() {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(watch.status(ExitCode::SUCCESS));
     }
     match summary.main_reason() {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
@@ -119,45 +173,59 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 struct Outputs {
     summary: Summary,
     tables: Vec<Tables>,
+    report: Option<Report>,
     progress: Progress,
+    done: usize,
 }
 
 impl Outputs {
-    fn create(args: &Args, config: &Config) -> anyhow::Result<Self> {
+    fn create(folder: &Path, args: &Args, config: &Config) -> anyhow::Result<Self> {
         let points: Vec<String> = config.point.iter().map(|point| point.name.clone()).collect();
         let tables = args
             .format
             .iter()
-            .map(|format| Tables::create(&args.out, *format, config.names(), points.clone()));
+            .map(|format| Tables::create(folder, *format, config.names(), points.clone()));
         Ok(Self {
             summary: Summary::new(config.names()),
             tables: tables.collect::<anyhow::Result<_>>()?,
-            progress: Progress::start(args.quiet),
+            report: args.report.then(|| Report::new(config.names(), &config.places())),
+            progress: Progress::start(args.quiet, Work::ORIENT),
+            done: 0,
         })
     }
 
     /// Solves all epochs and writes their rows in order.
-    fn write_all(&mut self, orienter: &Orienter, epochs: &[PositionEpoch]) -> anyhow::Result<()> {
+    fn write_all(
+        &mut self,
+        orienter: &Orienter,
+        epochs: &[PositionEpoch],
+        watch: &Watch,
+    ) -> anyhow::Result<()> {
         let mut blocks = epochs.chunks(EPOCHS_AT_ONCE);
         let mut solve_next = || -> Option<Vec<EpochSolution>> {
             Some(blocks.next()?.par_iter().map(|epoch| orienter.push(epoch)).collect())
         };
         let mut solved = solve_next();
         while let Some(rows) = solved {
-            let (written, next) = rayon::join(|| self.write(&rows), &mut solve_next);
+            let (written, next) = rayon::join(|| self.write(&rows, epochs.len()), &mut solve_next);
             written?;
-            solved = next;
+            solved = next.filter(|_| !watch.is_interrupted());
         }
         Ok(())
     }
 
-    fn write(&mut self, rows: &[EpochSolution]) -> anyhow::Result<()> {
+    fn write(&mut self, rows: &[EpochSolution], all: usize) -> anyhow::Result<()> {
         for row in rows {
             self.summary.add(row, row.antennas >= 2);
             for tables in &mut self.tables {
                 tables.write(row)?;
             }
-            self.progress.epoch(row.status == Status::Fixed);
+            if let Some(report) = &mut self.report {
+                report.add(row, None);
+            }
+            self.done += 1;
+            let share = self.done as f64 / all as f64;
+            self.progress.epoch(row.status == Status::Fixed, || Some(share));
         }
         Ok(())
     }

@@ -60,6 +60,11 @@ pub(super) fn read(
     Ok(positions)
 }
 
+/// The files of the arguments.
+pub(super) fn files(arguments: &[String], names: &[String]) -> Vec<PathBuf> {
+    arguments.iter().map(|argument| split_argument(argument, names).1).collect()
+}
+
 /// `NAME=FILE` with the name of an antenna, or just a file.
 fn split_argument<'a>(argument: &'a str, names: &[String]) -> (Option<&'a str>, PathBuf) {
     match argument.split_once('=') {

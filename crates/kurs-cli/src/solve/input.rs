@@ -26,7 +26,8 @@ impl Input {
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
         let (mut navigation, mut damage) = read_navigation(loaded)?;
         let phase_centers = phase_centers::read(loaded, &mut damage)?;
-        let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
+        let streams =
+            Streams::open(observation_files(loaded), station_files(loaded), loaded.window)?;
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
         }

@@ -293,6 +293,12 @@ impl LogReader {
     pub fn name(&self) -> &str {
         self.source.name()
     }
+
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.source.bytes_read()
+    }
 }
 
 /// Whether an epoch is later than those before; if it is not, that is damage.

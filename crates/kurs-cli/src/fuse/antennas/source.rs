@@ -15,7 +15,7 @@ use kurs::time::GpsTime;
 use super::config::{AntennasConfig, RowsFrom};
 use super::solved_rows;
 use crate::failure::UsageError;
-use crate::progress::Progress;
+use crate::progress::{Progress, Work};
 use crate::solve::config::{self, Loaded, Overrides};
 use crate::solve::streams::Streams;
 use crate::solve::{self, Input};
@@ -118,7 +118,7 @@ impl Source {
             (Next::Row(row), _) => session.push_row(*row),
             (Next::Epoch(_), Kind::Observed(chain)) => {
                 let row = session.solve(&chain.epoch, &mut chain.engine, sample);
-                chain.progress.epoch(row.status == Status::Fixed);
+                chain.progress.epoch(row.status == Status::Fixed, || chain.streams.share());
                 session.push_row(row)
             }
             (Next::Epoch(_), Kind::Solved(_)) => Ok(()),
@@ -178,7 +178,7 @@ impl Observed {
         }
         let engine = solve::engine(&loaded, settings, navigation, phase_centers.mounts)
             .with_context(|| file.display().to_string())?;
-        let progress = Progress::start(quiet);
+        let progress = Progress::start(quiet, Work::SOLVE);
         Ok((Self { engine, streams, epoch: ArrayEpoch::default(), loaded, progress }, damage))
     }
 }
