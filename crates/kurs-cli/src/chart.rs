@@ -119,7 +119,8 @@ impl Clock {
     }
 }
 
-fn milliseconds(time: GpsTime) -> f64 {
+/// An instant as the time axis counts.
+pub(crate) fn milliseconds(time: GpsTime) -> f64 {
     (time.as_nanoseconds() / NS_PER_MS + GPS_EPOCH_S * 1000) as f64
 }
 

@@ -6,11 +6,13 @@
 
 mod calibrate;
 mod chart;
+mod completions;
 mod config_file;
 mod demo;
 mod doctor;
 mod failure;
 mod fuse;
+mod init;
 mod inspect;
 mod interrupt;
 mod map_files;
@@ -49,6 +51,7 @@ struct Cli {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Solve(Box<solve::Args>),
+    Init(init::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
     Orient(orient::Args),
@@ -59,6 +62,8 @@ enum Command {
     Survey(survey::Args),
     Doctor(doctor::Args),
     Inspect(inspect::Args),
+    Completions(completions::CompletionsArgs),
+    Man(completions::ManArgs),
 }
 
 /// Runs the program with these arguments, of which the first is the program's name, and gives its exit
@@ -82,6 +87,7 @@ impl Command {
     fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Solve(args) => solve::run(&args),
+            Self::Init(args) => init::run(&args),
             Self::Simulate(args) => simulate::run(&args),
             Self::Demo(args) => demo::run(&args),
             Self::Orient(args) => orient::run(&args),
@@ -92,6 +98,8 @@ impl Command {
             Self::Doctor(args) => doctor::run(&args),
             Self::Inspect(args) => inspect::run(&args),
             Self::Fuse(args) => fuse::run(&args),
+            Self::Completions(args) => completions::completions(&args),
+            Self::Man(args) => completions::man(&args),
         }
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Folder for doctor.json.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/doctor")]
     out: PathBuf,
     /// Lists every satellite, band and antenna, not only the sums.
     #[arg(long)]

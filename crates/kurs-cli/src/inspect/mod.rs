@@ -35,6 +35,9 @@ pub(crate) struct Args {
     /// standard output in place of the tables.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     json: Option<Option<PathBuf>>,
+    /// No tables.
+    #[arg(long, short)]
+    quiet: bool,
 }
 
 /// What was found in one file.
@@ -89,12 +92,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(None) => println!("{}", serde_json::to_string_pretty(&reports)?),
         Some(Some(path)) => {
             write_json(path, &reports)?;
-            print!("{}", text::of(&reports));
+            args.tell(&reports);
         }
-        None => print!("{}", text::of(&reports)),
+        None => args.tell(&reports),
     }
     let unusable = reports.iter().any(|report| matches!(report, Report::Unusable { .. }));
     Ok(ExitCode::from(u8::from(unusable)))
+}
+
+impl Args {
+    fn tell(&self, reports: &[Report]) {
+        if !self.quiet {
+            print!("{}", text::of(reports));
+        }
+    }
 }
 
 /// An input must not become the output by a slip of the hand.

@@ -26,6 +26,7 @@ use self::config::ArrayFile;
 use self::improvement::Improvement;
 use self::sky::Sky;
 use crate::failure::{ExitCode, UsageError};
+use crate::output::{self, OutputFolder};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
@@ -52,9 +53,21 @@ pub(crate) struct Args {
     #[arg(long = "for", default_value = "24h")]
     duration: String,
     /// Folder for plan.json and plan.html
-    #[arg(long, default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/plan")]
     out: PathBuf,
+    /// Sets a key of the table `plan`, or `table.key`
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Prints plan.json in place of the tables
+    #[arg(long)]
+    json: bool,
+    /// No tables
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["plan.json", "plan.html"];
 
 /// One instant of the plan.
 #[derive(Debug)]
@@ -102,7 +115,7 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let file = ArrayFile::read(&args.array)?;
+    let file = ArrayFile::read(&args.array, &args.set)?;
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
@@ -126,10 +139,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         array,
         epochs,
     };
-    report::print(&plan);
-    report::write_json(&plan, &args.out)?;
-    report::write_page(&plan, &args.out)?;
-    println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.array))?;
+    let document = report::document(&plan);
+    output::write_json(folder.path(), "plan.json", &document)?;
+    report::write_page(&plan, folder.path())?;
+    folder.publish()?;
+    if args.json {
+        println!("{document:#}");
+    } else if !args.quiet {
+        report::print(&plan);
+        println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    }
     Ok(ExitCode::SUCCESS)
 }
 

@@ -17,7 +17,7 @@ use crate::page::Page;
 use crate::truth::TruthRow;
 use plots::Epochs;
 use residuals::Residuals;
-use span::Span;
+pub(crate) use span::Span;
 use thinning::Thinned;
 
 /// What the plots need of one epoch.

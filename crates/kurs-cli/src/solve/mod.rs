@@ -2,7 +2,7 @@
 
 pub(crate) mod config;
 mod explain;
-mod found_files;
+pub(crate) mod found_files;
 mod input;
 mod nmea;
 mod origins;
@@ -93,6 +93,7 @@ impl Args {
         config: PathBuf,
         truth: PathBuf,
         out: PathBuf,
+        json: bool,
         quiet: bool,
     ) -> Self {
         Self {
@@ -101,7 +102,7 @@ impl Args {
             format: vec![Format::Csv],
             report: true,
             truth: Some(truth),
-            json: false,
+            json,
             explain: None,
             quiet,
         }
