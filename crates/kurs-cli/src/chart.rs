@@ -15,6 +15,8 @@ const NS_PER_MS: i64 = 1_000_000;
 const BREAK: f64 = 1.5;
 /// Of the map's width that its scale takes, at most.
 const MAX_SCALE_SHARE: f64 = 0.25;
+/// A map goes so many times its extent to either side of its middle.
+const MAP_MARGIN: f64 = 0.62;
 /// Of what is written into a map.
 const INK: &str = "#222222";
 /// Smallest map, m: what does not move is a point on it.
@@ -75,8 +77,11 @@ impl Clock {
         let (first, last) = (self.ms.first().copied(), self.ms.last().copied());
         let first = first.unwrap_or(0.0);
         let range = vec![first, last.unwrap_or(first).max(first + 1.0)];
-        let time =
-            Axis::new().type_(AxisType::Date).title(Title::with_text("GPS time")).range(range);
+        let time = Axis::new()
+            .type_(AxisType::Date)
+            .title(Title::with_text("GPS time"))
+            .range(range)
+            .tick_angle(0.0);
         laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
     }
 
@@ -131,63 +136,71 @@ pub(crate) fn constant(curve: &Curve, tolerance: f64) -> Option<f64> {
     for value in curve.iter().flatten() {
         (least, most) = (least.min(*value), most.max(*value));
     }
-    (most - least <= tolerance).then_some(f64::midpoint(least, most))
+    (least <= most && most - least <= tolerance).then_some(f64::midpoint(least, most))
 }
 
 /// An empty map: metres (or `unit`) to east and north at one scale, on a grid.
 pub(crate) fn map(unit: &str) -> Plot {
-    let axis = |title: &str| {
-        Axis::new()
-            .title(Title::with_text(format!("{title}, {unit}")))
-            .constrain(AxisConstrain::Domain)
-            .show_grid(true)
-            .grid_color("#dddddd")
-            .zero_line(false)
-    };
     laid_out(
         Layout::new()
             .plot_background_color("#ffffff")
-            .x_axis(axis("east").scale_anchor("y"))
-            .y_axis(axis("north").auto_margin(true)),
+            .x_axis(map_axis("east", unit).scale_anchor("y"))
+            .y_axis(map_axis("north", unit).auto_margin(true)),
     )
 }
 
-/// Draws north and a scale into a map on which these places are; `unit` is that of the axes.
-pub(crate) fn add_north_and_scale(plot: &mut Plot, places: &[[f64; 2]], unit: &str) {
-    let range = |axis: usize| {
+fn map_axis(title: &str, unit: &str) -> Axis {
+    Axis::new()
+        .title(Title::with_text(format!("{title}, {unit}")))
+        .constrain(AxisConstrain::Domain)
+        .show_grid(true)
+        .grid_color("#dddddd")
+        .zero_line(false)
+}
+
+/// Ends a map: shows all of these places, with north and a scale, and words at some of them; `unit` is that of
+/// the axes.
+pub(crate) fn finish_map(
+    plot: &mut Plot,
+    places: &[[f64; 2]],
+    words: &[(&str, [f64; 2])],
+    unit: &str,
+) {
+    let ends = |axis: usize| {
         let values = places.iter().map(|place| place[axis]);
-        let least = values.clone().fold(f64::INFINITY, f64::min);
-        (least, values.fold(f64::NEG_INFINITY, f64::max))
+        (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
     };
-    let ((west, east), (south, north)) = (range(0), range(1));
+    let ((west, east), (south, north)) = (ends(0), ends(1));
     if !(west <= east && south <= north) {
         return;
     }
     let extent = (east - west).max(north - south).max(MIN_MAP_M);
+    let [x, y] = [f64::midpoint(west, east), f64::midpoint(south, north)];
+    let (left, right) = (x - MAP_MARGIN * extent, x + MAP_MARGIN * extent);
+    let (bottom, top) = (y - MAP_MARGIN * extent, y + MAP_MARGIN * extent);
+    // Below all places.
+    let (start, height) = (x - 0.5 * extent, y - 0.57 * extent);
     let length = round_below(MAX_SCALE_SHARE * extent);
-    let below = south - 0.08 * extent;
-    let bar = Scatter::new(vec![west, west + length], vec![below; 2]).mode(Mode::LinesMarkers);
+    let bar = Scatter::new(vec![start, start + length], vec![height; 2]).mode(Mode::LinesMarkers);
     let marker = Marker::new().symbol(MarkerSymbol::LineNSOpen).size(9).color(INK);
     let line = Line::new().color(INK).width(3.0);
     plot.add_trace(bar.line(line).marker(marker).name("scale").show_legend(false));
-    let label = Annotation::new()
-        .text(format!("{} {unit}", plain(length)))
-        .x(west + length)
-        .y(below)
-        .x_anchor(Anchor::Left)
-        .x_shift(8.0)
-        .show_arrow(false);
-    let arrow = Annotation::new()
-        .text("<b>▲</b><br>N")
-        .x_ref("paper")
-        .y_ref("paper")
-        .x(0.99)
-        .y(0.99)
-        .x_anchor(Anchor::Right)
-        .y_anchor(Anchor::Top)
-        .show_arrow(false);
-    let layout = plot.layout().clone().annotations(vec![label, arrow]);
-    plot.set_layout(layout);
+    let label = |text: &str, [x, y]: [f64; 2]| {
+        let text = Annotation::new().text(text).x(x).y(y).x_anchor(Anchor::Left);
+        text.x_shift(8.0).show_arrow(false)
+    };
+    let arrow = Annotation::new().text("<b>▲</b><br>N").x(right).y(top);
+    let mut annotations = vec![
+        label(&format!("{} {unit}", plain(length)), [start + length, height]),
+        arrow.x_anchor(Anchor::Right).y_anchor(Anchor::Top).show_arrow(false),
+    ];
+    annotations.extend(words.iter().map(|(text, place)| label(text, *place)));
+    let layout = plot.layout().clone().annotations(annotations);
+    plot.set_layout(
+        layout
+            .x_axis(map_axis("east", unit).scale_anchor("y").range(vec![left, right]))
+            .y_axis(map_axis("north", unit).auto_margin(true).range(vec![bottom, top])),
+    );
 }
 
 /// A mark where a way begins.

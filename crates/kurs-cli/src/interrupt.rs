@@ -2,6 +2,7 @@
 //! the next epoch with a valid result of what there is; any other run stops at once and leaves no file
 //! behind that is not whole.
 
+use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::failure::ExitCode;
@@ -45,22 +46,31 @@ fn arrived() {
 
 /// While it lives, the first signal does not stop the program but is to be asked for.
 #[derive(Debug)]
-pub(crate) struct Watch(());
+pub(crate) struct Watch {
+    was_told: Cell<bool>,
+}
 
 impl Watch {
     pub(crate) fn begin() -> Self {
         WATCHING.fetch_add(1, Ordering::SeqCst);
-        Self(())
+        Self { was_told: Cell::new(false) }
     }
 
     /// Whether the run is to end here.
-    pub(crate) fn is_interrupted(&self) -> bool {
-        IS_WANTED.load(Ordering::Relaxed)
+    pub(crate) fn asks_to_end(&self) -> bool {
+        let is_wanted = IS_WANTED.load(Ordering::Relaxed);
+        self.was_told.set(self.was_told.get() || is_wanted);
+        is_wanted
+    }
+
+    /// Whether the run was told to end; what comes after its last epoch does not interrupt it.
+    pub(crate) fn was_interrupted(&self) -> bool {
+        self.was_told.get()
     }
 
     /// The exit status of the run: `done`, unless it was interrupted.
     pub(crate) fn status(&self, done: ExitCode) -> ExitCode {
-        if self.is_interrupted() { ExitCode::from(INTERRUPTED) } else { done }
+        if self.was_interrupted() { ExitCode::from(INTERRUPTED) } else { done }
     }
 }
 

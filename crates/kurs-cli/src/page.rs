@@ -33,6 +33,7 @@ function draw(plot){if(!waiting.delete(plot))return;\
 const {data,layout,config}=JSON.parse(plot.querySelector('script').textContent);\
 config.displayModeBar=matchMedia('(hover:hover)').matches?'hover':false;\
 plot.whole=isTimed(plot)?layout.xaxis.range.slice():null;\
+if(plot.whole&&innerWidth<600)layout.xaxis.nticks=4;\
 if(plot.whole&&shown)layout.xaxis.range=shown.slice();\
 Plotly.newPlot(plot,data,layout,config);\
 if(plot.whole)plot.on('plotly_relayout',change=>link(plot,change));}\

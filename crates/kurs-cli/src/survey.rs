@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::start(args.quiet, Work::SURVEY);
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
-    while !watch.is_interrupted() && streams.next(&mut epoch)? {
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
         let row = engine.push(&epoch);
         survey.add(&row);
         progress.epoch(row.status == Status::Fixed, || streams.share());
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut file = OutputFile::create(folder.path(), "array.toml")?;
     file.write_all(block(&array, &names).as_bytes())?;
     file.finish()?;
-    let surveyed = SurveyFile::new(&array, &names, watch.is_interrupted());
+    let surveyed = SurveyFile::new(&array, &names, watch.was_interrupted());
     output::write_json(folder.path(), "survey.json", &surveyed)?;
     folder.publish()?;
     if args.json {

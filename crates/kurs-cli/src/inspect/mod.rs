@@ -16,16 +16,17 @@ use kurs::ephemeris::NavigationData;
 use kurs_formats::content::Content;
 use kurs_formats::damage::Damage;
 use kurs_formats::logs::{self, LogPart};
-use kurs_formats::source::{ReadError, Source, can_be_read_again};
+use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
 use crate::output::OutputFile;
+use crate::pipe::InputFile;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files.
+    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files; `-` for standard input.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Navigation files for the sky, not reported themselves (those among the files serve too).
@@ -77,9 +78,11 @@ impl DamageReport {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(args)?;
-    let navigation = read_navigation(args)?;
+    let files = InputFile::open_all(&args.files)?;
+    let files: Vec<&Path> = files.iter().map(InputFile::path).collect();
+    let navigation = read_navigation(&args.nav, &files)?;
     let mut reports = Vec::new();
-    for file in &args.files {
+    for file in files {
         let found = inspect(file, &navigation).unwrap_or_else(|error| {
             eprintln!("error: {error}");
             let (file, error) = (file.display().to_string(), error.to_string());
@@ -135,16 +138,13 @@ fn write_json(path: &Path, reports: &[Report]) -> anyhow::Result<()> {
 
 /// Everything that tells where satellites were: the files of `--nav`, which must be usable, and
 /// those among the others.
-fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
+fn read_navigation(nav: &[PathBuf], files: &[&Path]) -> Result<NavigationData, ReadError> {
     let mut data = NavigationData::default();
-    for file in &args.nav {
+    for file in nav {
         kurs_formats::navigation::read(&mut Source::open(file)?, &mut data)?;
     }
-    for file in &args.files {
+    for file in files {
         // A file that cannot be read is told of where it is reported.
-        if !can_be_read_again(file) {
-            continue;
-        }
         let Ok(mut source) = Source::open(file) else { continue };
         let content = source.start(Content::ENOUGH).map(Content::of);
         let has_orbits = |content: &Content| {
@@ -159,11 +159,6 @@ fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
 
 /// The report on a file; on a log of several stations or antennas one for each of them.
 fn inspect(file: &Path, navigation: &NavigationData) -> Result<Vec<Report>, ReadError> {
-    if !can_be_read_again(file) {
-        let (file, found) = (file.display().to_string(), "a pipe".to_owned());
-        let expected = "a file: it is read more than once";
-        return Err(ReadError::WrongContent { file, found, expected });
-    }
     let mut source = Source::open(file)?;
     let content = Content::of(source.start(Content::ENOUGH)?);
     let observations = |part: Option<LogPart>| {

@@ -131,7 +131,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     outputs.write_all(&orienter, &input.epochs, &watch)?;
     let Outputs { mut summary, tables, progress, report, .. } = outputs;
     let wall_s = progress.finish();
-    if watch.is_interrupted() {
+    if watch.was_interrupted() {
         summary.interrupt();
     }
 
@@ -209,7 +209,7 @@ impl Outputs {
         while let Some(rows) = solved {
             let (written, next) = rayon::join(|| self.write(&rows, epochs.len()), &mut solve_next);
             written?;
-            solved = next.filter(|_| !watch.is_interrupted());
+            solved = next.filter(|_| !watch.asks_to_end());
         }
         Ok(())
     }

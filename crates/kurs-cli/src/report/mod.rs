@@ -15,7 +15,7 @@ use kurs::time::GpsTime;
 use crate::map_files::{Heights, Way};
 use crate::page::Page;
 use crate::truth::TruthRow;
-use plots::Epochs;
+use plots::{Epochs, Shown};
 use residuals::Residuals;
 pub(crate) use span::Span;
 use thinning::Thinned;
@@ -130,13 +130,7 @@ impl Report {
         page.time_plot_of_lines(&plot, lines);
         self.write_lengths(&mut page, &epochs);
         self.write_residuals(&mut page, &epochs);
-        page.heading("Satellites and success rate");
-        for plot in [plots::satellites(&epochs), plots::success_rate(&epochs)] {
-            match plot {
-                Ok(plot) => page.time_plot(&plot),
-                Err(sentence) => page.paragraph(&sentence),
-            }
-        }
+        write_satellites(&mut page, &epochs);
         if let Some(ephemerides) = words.ephemerides {
             page.heading("Sky");
             page.square_plot(&plots::sky(&epochs, ephemerides, &self.residuals));
@@ -155,11 +149,13 @@ impl Report {
         facts.push(vec!["made by".to_owned(), format!("kurs {}", env!("CARGO_PKG_VERSION"))]);
         page.table(&[], &facts);
         let moments: Vec<_> = words.moments.iter().map(|row| row.to_vec()).collect();
-        page.folded_table(
-            "Mean and standard deviation of angles and baselines over the fixed epochs",
-            &["", "mean", "standard deviation"],
-            &moments,
-        );
+        if !moments.is_empty() {
+            page.folded_table(
+                "Mean and standard deviation of angles and baselines over the fixed epochs",
+                &["", "mean", "standard deviation"],
+                &moments,
+            );
+        }
         if self.samples.kept_every() > 1 {
             page.paragraph(&format!(
                 "The plots show, of every {} epochs, one that is not fixed if there is any and one that has \
@@ -210,6 +206,17 @@ impl Report {
         if !by_signal.is_empty() {
             page.plot(&plots::phase_residuals(&by_signal));
             page.plot(&plots::code_residuals(&by_signal));
+        }
+    }
+}
+
+fn write_satellites(page: &mut Page, epochs: &Epochs) {
+    let rate = plots::success_rate(epochs);
+    page.heading(if rate.is_some() { "Satellites and success rate" } else { "Satellites" });
+    for shown in plots::satellites(epochs).into_iter().chain(rate) {
+        match shown {
+            Shown::Curve(plot) => page.time_plot(&plot),
+            Shown::Sentence(sentence) => page.paragraph(&sentence),
         }
     }
 }

@@ -27,6 +27,8 @@ const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
 const MAX_COLOUR_MM: f64 = 8.0;
+/// An angle less certain than this says nothing; bands as wide would hide all others.
+const MAX_BAND_SD_DEG: f64 = 60.0;
 /// What changes by less is one number, not a curve.
 const SUCCESS_RATE_TOLERANCE: f64 = 5e-4;
 /// Times at which the sky is drawn.
@@ -202,26 +204,34 @@ fn by_satellite(
     plot
 }
 
-/// How many satellites take part; a sentence where it is always the same number.
-pub(super) fn satellites(epochs: &Epochs) -> Result<Plot, String> {
+/// A curve, or a sentence that says as much.
+pub(super) enum Shown {
+    Curve(Box<Plot>),
+    Sentence(String),
+}
+
+/// How many satellites take part; nothing where there are none.
+pub(super) fn satellites(epochs: &Epochs) -> Option<Shown> {
     let count = epochs.curve(|sample| Some(sample.satellites as f64));
     if let Some(count) = constant(&count, 0.0) {
-        return Err(format!("{count} satellites in every epoch."));
+        let sentence = format!("{count} satellites in every epoch.");
+        return (count > 0.0).then_some(Shown::Sentence(sentence));
     }
     let mut plot = epochs.clock.plot_from_zero("satellites");
     epochs.draw(&mut plot, &count, "satellites", BLUE);
-    Ok(plot)
+    Some(Shown::Curve(Box::new(plot)))
 }
 
-/// How sure the integers are before the fact; a sentence where that never changes.
-pub(super) fn success_rate(epochs: &Epochs) -> Result<Plot, String> {
+/// How sure the integers are before the fact; nothing where there are none.
+pub(super) fn success_rate(epochs: &Epochs) -> Option<Shown> {
     let rate = epochs.curve(|sample| sample.success_rate);
     if let Some(rate) = constant(&rate, SUCCESS_RATE_TOLERANCE) {
-        return Err(format!("Predicted success rate of the integers: {rate:.3} in every epoch."));
+        let sentence = format!("Predicted success rate of the integers: {rate:.3} in every epoch.");
+        return Some(Shown::Sentence(sentence));
     }
     let mut plot = epochs.clock.plot_from_zero("success rate");
     epochs.draw(&mut plot, &rate, "predicted success rate", BLUE);
-    Ok(plot)
+    epochs.has(|sample| sample.success_rate.is_some()).then(|| Shown::Curve(Box::new(plot)))
 }
 
 /// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
@@ -352,7 +362,7 @@ pub(super) fn track(epochs: &Epochs) -> Plot {
     }
     chart::add_start(&mut plot, [0.0, 0.0]);
     let places: Vec<[f64; 2]> = places.into_iter().map(|(_, place)| place).collect();
-    chart::add_north_and_scale(&mut plot, &places, "m");
+    chart::finish_map(&mut plot, &places, &[], "m");
     plot
 }
 
@@ -421,7 +431,7 @@ fn add_bands(plot: &mut Plot, epochs: &Epochs, k: usize, angles: &Curve) {
         {
             known.extend([(before_ms, before, 0.0), (*ms, angle, 0.0)]);
         }
-        known.push((*ms, angle, sample.sd_deg[k]));
+        known.push((*ms, angle, sample.sd_deg[k].min(MAX_BAND_SD_DEG)));
     }
     let times: Vec<f64> = known.iter().map(|(ms, ..)| *ms).collect();
     for (sigmas, name, colour) in [(3.0, "3 sigma", THREE_SIGMA), (1.0, "1 sigma", ONE_SIGMA)] {

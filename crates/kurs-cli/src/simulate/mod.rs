@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let watch = Watch::begin();
     let (start, duration_s) = (simulation.start(), simulation.scenario().duration_s);
     let mut epochs = 0_usize;
-    while !watch.is_interrupted() && simulation.next_epoch(&mut epoch) {
+    while !watch.asks_to_end() && simulation.next_epoch(&mut epoch) {
         let Some(time) = epoch.bodies.first().map(|body| body.truth.time) else { break };
         if !args.window.contains(time) {
             continue;
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     imu_files::write(folder.path(), &simulation, names)?;
     folder.publish()?;
     if args.json {
-        let (out, interrupted) = (args.out.display().to_string(), watch.is_interrupted());
+        let (out, interrupted) = (args.out.display().to_string(), watch.was_interrupted());
         println!(
             "{:#}",
             serde_json::json!({ "epochs": epochs, "out": out, "interrupted": interrupted })

@@ -71,7 +71,9 @@ impl Loaded {
     }
 
     fn sections(&self) -> Vec<Section> {
-        let Ok(tables) = toml::Table::try_from(self.in_force()) else { return Vec::new() };
+        // Through text: dates have a form of their own only there.
+        let text = toml::to_string(&self.in_force()).unwrap_or_default();
+        let tables: toml::Table = text.parse().unwrap_or_default();
         let mut sections = Vec::new();
         for (name, value) in tables {
             match value {

@@ -160,7 +160,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::start(args.quiet, Work::SOLVE);
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
-    while !watch.is_interrupted() && streams.next(&mut epoch)? {
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
         let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
@@ -173,7 +173,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.epochs() == 0 {
         bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
     }
-    if watch.is_interrupted() {
+    if watch.was_interrupted() {
         summary.interrupt();
     }
     outputs.finish()?;

@@ -117,8 +117,10 @@ fn plan(config: &Config, stations: &[Station], found: &PathFound) -> Plot {
     if let Some(start) = path.first() {
         chart::add_start(&mut plot, *start);
     }
-    let all: Vec<[f64; 2]> = path.into_iter().chain(places).collect();
-    chart::add_north_and_scale(&mut plot, &all, "km");
+    let words: Vec<(&str, [f64; 2])> =
+        config.station.iter().map(|s| s.name.as_str()).zip(places.iter().copied()).collect();
+    let all: Vec<[f64; 2]> = path.iter().chain(&places).copied().collect();
+    chart::finish_map(&mut plot, &all, &words, "km");
     plot
 }
 

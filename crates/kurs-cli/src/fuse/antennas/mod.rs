@@ -57,7 +57,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     damage.extend_from_slice(sensor.damage());
     let from = Inputs {
         files: &inputs,
-        is_interrupted: watch.is_interrupted(),
+        is_interrupted: watch.was_interrupted(),
         configuration: format!("{config:?}{of_antennas}"),
         damage: &damage,
         too_late,
@@ -90,7 +90,7 @@ fn fuse(
     let mut antennas = Span::default();
     let mut samples = Span::default();
     while let Some(time) = source.next_time()? {
-        if watch.is_interrupted() {
+        if watch.asks_to_end() {
             break;
         }
         let time_s = session.seconds(time);
@@ -105,7 +105,7 @@ fn fuse(
         too_late += usize::from(source.feed(session, sensor.peek()).is_err());
     }
     // A little further: the sample that covers the last row; of an interrupted run not all that follow.
-    let end_s = if watch.is_interrupted() { antennas.last_s } else { f64::INFINITY };
+    let end_s = if watch.was_interrupted() { antennas.last_s } else { f64::INFINITY };
     while let Some((at_s, sample)) = sensor.next_before(end_s) {
         samples.take(at_s);
         too_late += usize::from(session.push_sample(at_s, sample).is_err());

@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (damage, too_late) = fuse(session, input, &mut rows, &args.window, &watch)?;
     let from = Inputs {
         files: &inputs,
-        is_interrupted: watch.is_interrupted(),
+        is_interrupted: watch.was_interrupted(),
         configuration: format!("{config:?}"),
         damage: &damage,
         too_late,
@@ -93,7 +93,7 @@ fn fuse(
 ) -> anyhow::Result<(Vec<Damage>, usize)> {
     let mut epoch = AntennaEpoch::default();
     let mut too_late = 0;
-    while !watch.is_interrupted() && input.next_epoch(&mut epoch)? {
+    while !watch.asks_to_end() && input.next_epoch(&mut epoch)? {
         if !window.contains(epoch.time) {
             continue;
         }
@@ -105,7 +105,7 @@ fn fuse(
         too_late += usize::from(session.push_epoch(std::mem::take(&mut epoch)).is_err());
         write_ready(rows, || session.next_row())?;
     }
-    let end_s = if watch.is_interrupted() { 0.0 } else { f64::INFINITY };
+    let end_s = if watch.was_interrupted() { 0.0 } else { f64::INFINITY };
     while let Some((at_s, sample)) = input.next_sample_before(end_s) {
         too_late += usize::from(session.push_sample(at_s, sample).is_err());
     }
