@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Err(UsageError(format!("{}: {text}", target.display())).into());
     }
     let files = InputFile::open_all(&args.files)?;
-    let found = FoundFiles::sort(&files, &[])?;
+    let found = FoundFiles::sort(&files, &[], 0)?;
     if let Some(configuration) = &found.configuration {
         let text = "is a configuration already, expected observations and navigation data";
         return Err(UsageError(format!("{}: {text}", configuration.display())).into());
@@ -115,14 +115,15 @@ fn text(found: &FoundFiles, seen: &[Seen], out: &Path) -> anyhow::Result<String>
         write_antenna(&mut text, antenna, seen, out)?;
     }
     writeln!(text, "\n[nav]")?;
-    if found.nav.is_empty() {
+    let (nav, _) = found.navigation();
+    if nav.is_empty() {
         writeln!(
             text,
             "# Navigation files and precise orbits; receiver logs bring their ephemerides along."
         )?;
         writeln!(text, "# files = [\"brdc.rnx\"]")?;
     } else {
-        writeln!(text, "files = {}", list(&found.nav, out))?;
+        writeln!(text, "files = {}", list(&nav, out))?;
     }
     if !found.antex.is_empty() {
         writeln!(text, "\n[antex]\nfiles = {}", list(&found.antex, out))?;
@@ -187,7 +188,7 @@ fn write_method(text: &mut String, shared: &BTreeSet<Band>) -> anyhow::Result<()
     writeln!(
         text,
         "\n# A point of the body that is wanted too.\n\
-         # [[point]]\n# name = \"bow\"\n# position_m = [12.0, 0.0, 1.5]"
+         # [[point]]\n# name = \"mast\"\n# position_m = [12.0, 0.0, 1.5]"
     )?;
     Ok(())
 }

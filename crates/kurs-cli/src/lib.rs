@@ -22,6 +22,7 @@ mod page;
 mod pipe;
 mod plan;
 mod progress;
+mod quality;
 mod report;
 mod sensor_log;
 mod simulate;

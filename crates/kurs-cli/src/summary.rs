@@ -8,6 +8,8 @@ use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Reason, 
 use kurs::time::GpsTime;
 use serde::Serialize;
 
+use crate::quality::Quality;
+
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
 const COMPONENTS: [&str; 4] = ["east_m", "north_m", "up_m", "length_m"];
 
@@ -22,6 +24,7 @@ pub(crate) struct Summary {
     first: Option<GpsTime>,
     first_fix: Option<GpsTime>,
     is_interrupted: bool,
+    quality: Quality,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
     /// Of [`COMPONENTS`], by the antennas at the ends.
@@ -92,6 +95,7 @@ impl Summary {
             first: None,
             first_fix: None,
             is_interrupted: false,
+            quality: Quality::default(),
             angles: Default::default(),
             baselines: BTreeMap::new(),
         }
@@ -105,6 +109,7 @@ impl Summary {
     /// Takes one row into account; `capable`: it had enough input to be fixed.
     pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool) {
         self.epochs += 1;
+        self.quality.add(row);
         *self.by_status.entry(row.status).or_default() += 1;
         if let Some(reason) = row.reason {
             *self.by_reason.entry(reason).or_default() += 1;
@@ -257,8 +262,13 @@ impl Summary {
                 reasons.iter().map(|(word, count)| format!("{word} {count}")).collect();
             lines.push(format!("not fixed because: {}", words.join(", ")));
         }
-        for (name, m) in self.moments() {
-            lines.push(format!("{name:<24} mean {:>11.4}  std {:>9.4}", m.mean(&name), m.std()));
+        lines.extend(self.quality.lines());
+        // Where a body turns, its angles and the directions of its baselines have no mean; lengths have.
+        let is_turning = self.quality.is_turning(self.angles[0].std());
+        for (name, m) in
+            self.moments().iter().filter(|(n, _)| !is_turning || n.ends_with("length_m"))
+        {
+            lines.push(format!("{name:<24} mean {:>11.4}  std {:>9.4}", m.mean(name), m.std()));
         }
         lines.join("\n")
     }

@@ -148,7 +148,7 @@ fn a_configuration_is_begun_from_files() {
     let places = in_force.join("\n").replacen("[0.0, 0.0, 0.0]", "[2.0, 0.0, 0.0]", 1);
     fs::write(folder.path().join("all.toml"), places).unwrap();
     let explained = run(folder.path(), &["solve", "all.toml", "--explain"]);
-    assert!(explained.contains("point.0.name = \"bow\""), "{explained}");
+    assert!(explained.contains("point.0.name = \"mast\""), "{explained}");
 
     let error = refused(folder.path(), 2, &["init", &stern, &bow]);
     assert!(error.contains("--force replaces it"), "{error}");

@@ -5,6 +5,9 @@ use kurs::time::GpsTime;
 /// Where the next epoch is so many intervals away, some are missing.
 const GAP: f64 = 1.5;
 
+/// What the gaps are called.
+const GAPS: &str = "gaps without any epoch";
+
 /// See the module; fed in time order.
 #[derive(Debug, Default)]
 pub(crate) struct Span {
@@ -37,9 +40,11 @@ impl Span {
         is_gap
     }
 
-    /// Number of gaps, and the longest, s; `None` without any.
-    pub(crate) fn gaps(&self) -> Option<(u64, f64)> {
-        (self.gaps > 0).then_some((self.gaps, self.longest_gap_s))
+    /// How many gaps there are and how long; `None` without any.
+    pub(crate) fn gaps_text(&self) -> Option<String> {
+        let text =
+            || format!("{GAPS}: {}, the longest of {}", self.gaps, duration(self.longest_gap_s));
+        (self.gaps > 0).then(text)
     }
 
     /// In words: a name and a value each.
@@ -49,10 +54,10 @@ impl Span {
             self.interval_s.map_or_else(String::new, |s| format!(", every {} s", plain(s)));
         let span = format!("{first} to {last} GPS time ({}){interval}", duration(last - first));
         let mut facts = vec![vec!["span".to_owned(), span]];
-        if let Some((count, longest_s)) = self.gaps() {
-            let gaps = format!("{count}, the longest of {}", duration(longest_s));
-            facts.push(vec!["gaps without any epoch".to_owned(), gaps]);
-        }
+        let gaps = self.gaps_text();
+        facts.extend(gaps.and_then(|text| {
+            text.split_once(": ").map(|(name, value)| vec![name.to_owned(), value.to_owned()])
+        }));
         facts
     }
 }
@@ -87,7 +92,6 @@ mod tests {
         let gaps: Vec<bool> =
             [0.0, 0.2, 0.4, 2.0, 2.2, 3725.4].into_iter().map(|s| span.take(first + s)).collect();
         assert_eq!(gaps, [false, false, false, true, false, true]);
-        assert_eq!(span.gaps().map(|(count, _)| count), Some(2));
         let facts = span.facts();
         assert_eq!(
             facts[0][1],

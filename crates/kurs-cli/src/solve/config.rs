@@ -226,7 +226,8 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
         antennas.extend(
             found.antennas.iter().map(|antenna| (found_antenna(antenna), "command line".into())),
         );
-        set_files(&mut table, "nav", &found.nav, "command line", &mut origins);
+        let (nav, origin) = found.navigation();
+        set_files(&mut table, "nav", &nav, origin, &mut origins);
         set_files(&mut table, "antex", &found.antex, "command line", &mut origins);
     }
     for flag in overrides.antennas {

@@ -28,7 +28,9 @@ pub(crate) struct FoundFiles {
     /// In the order of the files.
     pub(crate) antennas: Vec<FoundAntenna>,
     /// Navigation data and orbits.
-    pub(crate) nav: Vec<PathBuf>,
+    nav: Vec<PathBuf>,
+    /// The same, after `--nav`.
+    nav_option: Vec<PathBuf>,
     /// Antenna calibrations.
     pub(crate) antex: Vec<PathBuf>,
 }
@@ -51,9 +53,14 @@ enum Purpose {
 }
 
 impl FoundFiles {
-    /// Looks into the files; `nav` are those after `--nav`, which stay navigation data unless they
-    /// cannot be: the option takes every file that follows it.
-    pub(crate) fn sort(files: &[InputFile], nav: &[InputFile]) -> anyhow::Result<Self> {
+    /// Looks into the files. `nav` are those after `--nav`, an option that takes every file behind it: where
+    /// there is no configuration, observations among them are antennas, those of logs if antennas are missing
+    /// (`named` have a name of their own).
+    pub(crate) fn sort(
+        files: &[InputFile],
+        nav: &[InputFile],
+        named: usize,
+    ) -> anyhow::Result<Self> {
         let mut found = Self::default();
         for file in files {
             found.take(file, purpose(file.path())?)?;
@@ -61,23 +68,32 @@ impl FoundFiles {
         let mut logs = Vec::new();
         for file in nav {
             match purpose(file.path()) {
-                Ok(purpose @ Purpose::Observations(_)) if !is_log(file.path())? => {
-                    found.take(file, purpose)?;
+                Ok(purpose @ Purpose::Observations(_)) if found.configuration.is_none() => {
+                    if is_log(file.path())? {
+                        logs.push((file, purpose));
+                    } else {
+                        found.take(file, purpose)?;
+                    }
                 }
-                Ok(purpose @ Purpose::Observations(_)) => logs.push((file, purpose)),
                 // What cannot be used is told of where it is read.
-                _ => found.nav.push(file.path().to_owned()),
+                _ => found.nav_option.push(file.path().to_owned()),
             }
         }
-        let are_missing = found.antennas.len() < 2 && found.configuration.is_none();
+        let are_missing = found.antennas.len() + named < 2;
         for (file, purpose) in logs {
-            if are_missing && !files.is_empty() {
+            if are_missing {
                 found.take(file, purpose)?;
             } else {
-                found.nav.push(file.path().to_owned());
+                found.nav_option.push(file.path().to_owned());
             }
         }
         Ok(found)
+    }
+
+    /// Navigation data from everywhere, and where it stands on the command line.
+    pub(crate) fn navigation(&self) -> (Vec<PathBuf>, &'static str) {
+        let origin = if self.nav.is_empty() { "--nav" } else { "command line" };
+        (self.nav.iter().chain(&self.nav_option).cloned().collect(), origin)
     }
 
     fn take(&mut self, file: &InputFile, purpose: Purpose) -> Result<(), UsageError> {
@@ -140,7 +156,7 @@ impl fmt::Display for FoundFiles {
         write!(
             f,
             "antennas: {names}; files of navigation data: {}, of antenna calibrations: {}",
-            self.nav.len(),
+            self.nav.len() + self.nav_option.len(),
             self.antex.len()
         )
     }

@@ -46,13 +46,13 @@ impl SessionArgs {
 
     /// Sorts the files and reads the configuration.
     pub(crate) fn load(&self) -> anyhow::Result<Session> {
-        if self.files.is_empty() && self.antenna.is_empty() {
+        if [self.files.len(), self.nav.len(), self.antenna.len()] == [0; 3] {
             let expected = "give a configuration file, or the observation files of two antennas and --nav FILE";
             return Err(UsageError(expected.into()).into());
         }
         let files = InputFile::open_all(&self.files)?;
         let nav = InputFile::open_all(&self.nav)?;
-        let found = FoundFiles::sort(&files, &nav)?;
+        let found = FoundFiles::sort(&files, &nav, self.antenna.len())?;
         let given = found.antennas.len() + self.antenna.len();
         if given < 2 && found.configuration.is_none() {
             return Err(UsageError(format!(
