@@ -12,6 +12,9 @@ use serde::Serialize;
 
 use crate::failure::UsageError;
 
+/// A hidden folder in which a run makes its files: this, and the number of the process.
+const STAGING: &str = ".kurs.part";
+
 /// Files and folders that are there only while they are made.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -108,14 +111,18 @@ impl OutputFolder {
     pub(crate) fn begin(target: &Path, names: &[&str], inputs: &[PathBuf]) -> anyhow::Result<Self> {
         refuse_inputs(target, names, inputs)?;
         let is_new = !target.exists();
-        let staging = target.join(format!(".kurs.part{}", std::process::id()));
+        let staging = target.join(format!("{STAGING}{}", std::process::id()));
         let made = fs::create_dir_all(&staging);
         made.with_context(|| format!("{}: cannot be made", target.display()))?;
         let staging = Temporary::new(staging);
         let folder = Self { target: target.to_owned(), staging, is_new };
         for entry in fs::read_dir(target)?.flatten() {
-            let is_known = entry.file_name().to_str().is_some_and(|name| is_one_of(name, names));
-            if is_known && entry.path().is_file() {
+            let name = entry.file_name();
+            let Some(name) = name.to_str() else { continue };
+            if is_left_by_a_killed_run(name) {
+                remove(&entry.path());
+            }
+            if is_one_of(name, names) && entry.path().is_file() {
                 fs::remove_file(entry.path())
                     .with_context(|| format!("{}: cannot be removed", entry.path().display()))?;
             }
@@ -147,6 +154,13 @@ impl Drop for OutputFolder {
             let _ = fs::remove_dir(&self.target);
         }
     }
+}
+
+/// Whether a hidden folder belongs to a process that is no more, which systems tell that have `/proc`.
+fn is_left_by_a_killed_run(name: &str) -> bool {
+    let processes = Path::new("/proc");
+    let process = name.strip_prefix(STAGING).filter(|id| id.parse::<u32>().is_ok());
+    process.is_some_and(|id| processes.join("self").exists() && !processes.join(id).exists())
 }
 
 fn is_one_of(name: &str, patterns: &[&str]) -> bool {
@@ -275,6 +289,11 @@ mod tests {
         assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "new");
 
         let error = OutputFolder::begin(&target, &["a.csv"], &[target.join("a.csv")]).unwrap_err();
+        // No process has the largest number.
+        let left = target.join(format!("{STAGING}{}", u32::MAX));
+        fs::create_dir(&left).unwrap();
+        drop(OutputFolder::begin(&target, &[], &[]).unwrap());
+        assert!(cfg!(not(target_os = "linux")) || !left.exists());
         assert!(error.is::<UsageError>() && error.to_string().contains("one of the inputs"));
         assert_eq!(names(), ["a.csv", "mine.txt"]);
     }

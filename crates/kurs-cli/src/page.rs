@@ -16,6 +16,7 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}\
     td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}\
     pre{background:#f4f4f4;padding:.7em;white-space:pre-wrap;overflow-wrap:anywhere;font-size:.85em}\
+    pre.wide{white-space:pre;overflow-x:auto}\
     .tiles{display:flex;flex-wrap:wrap;gap:.7em;margin:1em 0}\
     .tiles div{border:1px solid #ccc;border-radius:.4em;padding:.5em .9em}\
     .tiles b{display:block;font-size:1.4em}.tiles small{color:#555}\
@@ -138,6 +139,11 @@ impl Page {
     /// Text as it stands, with its line breaks.
     pub(crate) fn verbatim(&mut self, text: &str) {
         let _ = writeln!(self.body, "<pre>{}</pre>", escape(text));
+    }
+
+    /// Text in columns, which are kept on narrow screens too.
+    pub(crate) fn columns(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<pre class=\"wide\">{}</pre>", escape(text));
     }
 
     /// A plot over the whole width.

@@ -14,13 +14,14 @@ use serde::Serialize;
 use crate::failure::ExitCode;
 use crate::interrupt::Watch;
 use crate::output::{self, OutputFile, OutputFolder};
+use crate::page::Page;
 use crate::progress::{Progress, Work};
 use crate::solve::config::Loaded;
 use crate::solve::session_args::SessionArgs;
 use crate::solve::{Input, antenna_names};
 
 /// What a run may leave in its folder.
-const OUTPUTS: &[&str] = &["array.toml", "survey.json"];
+const OUTPUTS: &[&str] = &["array.toml", "survey.json", "report.html"];
 
 /// Antenna positions of an array from its own data, at rest or moving; positions that the configuration has
 /// are not used, only compared.
@@ -31,6 +32,9 @@ pub(crate) struct Args {
     /// Folder for array.toml.
     #[arg(long, value_name = "DIR", default_value = "kurs-out/survey")]
     out: PathBuf,
+    /// Writes report.html: the closing table on one page.
+    #[arg(long)]
+    report: bool,
     /// Prints the array as JSON in place of the closing table.
     #[arg(long)]
     json: bool,
@@ -48,6 +52,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Input { navigation, mut streams, phase_centers, .. } = Input::open(loaded)?;
     let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
     let mut survey = Survey::new(names.len());
     let mut progress = Progress::start(args.quiet, Work::SURVEY);
     let mut epoch = ArrayEpoch::default();
@@ -69,17 +74,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if array.fixes == 0 {
         bail!("no epoch has fixed baselines to all antennas");
     }
-    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
     let mut file = OutputFile::create(folder.path(), "array.toml")?;
     file.write_all(block(&array, &names).as_bytes())?;
     file.finish()?;
     let surveyed = SurveyFile::new(&array, &names, watch.was_interrupted());
     output::write_json(folder.path(), "survey.json", &surveyed)?;
+    let told = closing(&array, loaded);
+    if args.report {
+        let mut page = Page::new("Kurs: the array from its own data");
+        page.columns(&told);
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+    }
     folder.publish()?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&surveyed)?);
     } else if !args.quiet {
-        print!("{}", closing(&array, loaded));
+        print!("{told}");
         println!("written to {}", args.out.join("array.toml").display());
     }
     Ok(watch.status(ExitCode::SUCCESS))

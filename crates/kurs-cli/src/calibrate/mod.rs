@@ -67,6 +67,9 @@ struct Input {
     /// Folder for calibration.toml, the tables and report.html.
     #[arg(long, value_name = "DIR", default_value = "kurs-out/calibrate")]
     out: PathBuf,
+    /// Writes report.html; this command always does.
+    #[arg(long)]
+    report: bool,
     /// Prints the calibration as JSON in place of the closing lines.
     #[arg(long)]
     json: bool,

@@ -20,7 +20,8 @@ use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
-use crate::output::OutputFile;
+use crate::output::{OutputFile, OutputFolder};
+use crate::page::Page;
 use crate::pipe::InputFile;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
@@ -36,10 +37,19 @@ pub(crate) struct Args {
     /// standard output in place of the tables.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     json: Option<Option<PathBuf>>,
+    /// Writes report.html: the tables on one page.
+    #[arg(long)]
+    report: bool,
+    /// Folder for report.html.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/inspect")]
+    out: PathBuf,
     /// No tables.
     #[arg(long, short)]
     quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["report.html"];
 
 /// What was found in one file.
 #[derive(Debug, Serialize)]
@@ -91,6 +101,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         reports.extend(found);
     }
 
+    if args.report {
+        let named: Vec<PathBuf> = args.files.iter().chain(&args.nav).cloned().collect();
+        let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
+        let mut page = Page::new("Kurs: what is in the files");
+        page.columns(&text::of(&reports));
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+        folder.publish()?;
+    }
     match &args.json {
         Some(None) => println!("{}", serde_json::to_string_pretty(&reports)?),
         Some(Some(path)) => {

@@ -58,6 +58,9 @@ pub(crate) struct Args {
     /// Sets a key of the table `plan`, or `table.key`
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Writes the page; this command always does
+    #[arg(long)]
+    report: bool,
     /// Prints plan.json in place of the tables
     #[arg(long)]
     json: bool,
