@@ -121,7 +121,10 @@ fn files_are_told_by_their_content_in_any_order() {
     assert!(named.lines().nth(1).unwrap().contains(",stern,bow,"), "{named}");
 
     let error = refused(out, 2, &["solve", &stern, &nav]);
-    assert!(error.contains("at least two antennas") && error.contains("stern"), "{error}");
+    assert!(
+        error.contains("at least two are needed") && error.contains("antennas: stern"),
+        "{error}"
+    );
     fs::write(out.join("page.html"), "<!DOCTYPE html><p>log in").unwrap();
     let error = refused(out, 1, &["solve", &stern, &bow, "page.html"]);
     assert!(error.contains("page.html: found a web page"), "{error}");
@@ -390,6 +393,46 @@ fn reports_say_what_they_are_made_from() {
     assert_eq!(places.len(), 60);
     assert!((places[0][0].as_f64().unwrap() - 29.7).abs() < 1e-3);
     assert!(text(&out, "track.kml").contains("<LineString>"));
+}
+
+/// Coordinates through a pipe; the pages of other commands are of the same kind.
+#[test]
+fn coordinates_come_through_a_pipe_and_have_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(session().join("kurs.toml"), folder.path().join("boat.toml")).unwrap();
+    let mut config = text(folder.path(), "boat.toml").split("[nav]").next().unwrap().to_owned();
+    config = config.lines().filter(|line| !line.starts_with("obs")).collect::<Vec<_>>().join("\n");
+    fs::write(folder.path().join("boat.toml"), config).unwrap();
+    // Two metres to the north are 17.95e-6 degrees there.
+    let mut table = String::from("time_gpst,name,latitude_deg,longitude_deg,height_m\n");
+    for second in 0..20 {
+        for (name, latitude) in [("stern", 59.9), ("bow", 59.9 + 17.95e-6)] {
+            table += &format!("2024-03-10T12:00:{second:02},{name},{latitude:.9},29.7,10.0\n");
+        }
+    }
+    let output = Command::new(KURS)
+        .current_dir(folder.path())
+        .args([
+            "orient",
+            "boat.toml",
+            "-",
+            "--report",
+            "--json",
+            "--every",
+            "2",
+            "--set",
+            "sd_down_m=0.03",
+        ])
+        .write_stdin(table)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&summary["epochs"], &summary["interrupted"]), (&10.into(), &false.into()));
+    let out = folder.path().join("kurs-out/orient");
+    let page = text(&out, "report.html");
+    assert!(page.contains("Kurs: attitude from coordinates") && page.contains("every 2 s"));
+    assert_eq!(json(&out, "track.geojson")["features"][0]["geometry"]["type"], "LineString");
 }
 
 /// Counts as RTKPLOT reads them: date, time, coordinates, quality, satellites, eight more.

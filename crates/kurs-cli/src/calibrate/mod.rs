@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{OutputFile, OutputFolder};
+use crate::pipe::InputFile;
 use crate::sensor_log::{Backwards, SensorLog};
 
 /// Bias, scale and misalignment of accelerometers; bias and noise of gyros.
@@ -250,7 +251,7 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
 }
 
 fn read(file: &Path) -> anyhow::Result<SensorLog> {
-    let log = SensorLog::read(file, Backwards::LeftOut)?;
+    let log = SensorLog::read(InputFile::open(file)?.path(), Backwards::LeftOut)?;
     log.damage.iter().for_each(|damage| eprintln!("{damage}"));
     if let Some((gaps, longest_s)) = log.gaps() {
         eprintln!(

@@ -11,6 +11,7 @@ use kurs_formats::source::Source;
 
 use super::config::Config;
 use crate::failure::UsageError;
+use crate::pipe::InputFile;
 use crate::summary::Damage;
 
 /// All coordinates of a run.
@@ -35,7 +36,8 @@ pub(super) fn read(
     let mut positions = Positions::default();
     for (place, argument) in files.iter().enumerate() {
         let (name, path) = split_argument(argument, &names);
-        let mut source = Source::open(&path)?;
+        let file = InputFile::open(&path)?;
+        let mut source = Source::open(file.path())?;
         let mut log = DamageLog::default();
         let start = source.start(Content::ENOUGH)?;
         match Content::of(start) {

@@ -54,8 +54,8 @@ enum Purpose {
 
 impl FoundFiles {
     /// Looks into the files. `nav` are those after `--nav`, an option that takes every file behind it: where
-    /// there is no configuration, observations among them are antennas, those of logs if antennas are missing
-    /// (`named` have a name of their own).
+    /// no antenna is `named` and there is no configuration, observations among them are antennas, those of logs
+    /// if antennas are missing.
     pub(crate) fn sort(
         files: &[InputFile],
         nav: &[InputFile],
@@ -66,9 +66,10 @@ impl FoundFiles {
             found.take(file, purpose(file.path())?)?;
         }
         let mut logs = Vec::new();
+        let may_be_antennas = named == 0 && found.configuration.is_none();
         for file in nav {
             match purpose(file.path()) {
-                Ok(purpose @ Purpose::Observations(_)) if found.configuration.is_none() => {
+                Ok(purpose @ Purpose::Observations(_)) if may_be_antennas => {
                     if is_log(file.path())? {
                         logs.push((file, purpose));
                     } else {
@@ -79,7 +80,7 @@ impl FoundFiles {
                 _ => found.nav_option.push(file.path().to_owned()),
             }
         }
-        let are_missing = found.antennas.len() + named < 2;
+        let are_missing = found.antennas.len() < 2;
         for (file, purpose) in logs {
             if are_missing {
                 found.take(file, purpose)?;
@@ -155,7 +156,7 @@ impl fmt::Display for FoundFiles {
         let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         write!(
             f,
-            "antennas: {names}; files of navigation data: {}, of antenna calibrations: {}",
+            "antennas: {names}; navigation files: {}; antenna calibrations: {}",
             self.nav.len() + self.nav_option.len(),
             self.antex.len()
         )

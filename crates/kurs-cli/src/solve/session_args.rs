@@ -55,10 +55,9 @@ impl SessionArgs {
         let found = FoundFiles::sort(&files, &nav, self.antenna.len())?;
         let given = found.antennas.len() + self.antenna.len();
         if given < 2 && found.configuration.is_none() {
-            return Err(UsageError(format!(
-                "the observations of at least two antennas are needed, found {found}"
-            ))
-            .into());
+            let text =
+                "antennas given, at least two are needed for an attitude; among the files are";
+            return Err(UsageError(format!("{given} {text} {found}")).into());
         }
         let overrides = Overrides {
             found: Some(&found),
