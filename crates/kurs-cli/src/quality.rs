@@ -3,7 +3,8 @@
 
 use kurs::solution::{AttitudeEstimate, EpochSolution, Status};
 
-use crate::report::Span;
+use crate::report::span;
+use crate::session_span::SessionSpan;
 
 const NAMES: [&str; 3] = ["heading", "pitch", "roll"];
 /// A heading that spreads by so many of its standard deviations, and by more, is one that turns: what is
@@ -13,7 +14,6 @@ const MIN_TURN_SIGMAS: f64 = 5.0;
 /// See the module; fed row by row.
 #[derive(Debug, Default)]
 pub(crate) struct Quality {
-    span: Span,
     /// Sum of the logarithms of the standard deviations in degrees, and their number: the few epochs that
     /// are much worse do not speak for all.
     ln_sd: [(f64, u64); 3],
@@ -24,7 +24,6 @@ pub(crate) struct Quality {
 impl Quality {
     /// Takes one row in.
     pub(crate) fn add(&mut self, row: &EpochSolution) {
-        self.span.take(row.time);
         if row.status != Status::Fixed {
             return;
         }
@@ -58,8 +57,8 @@ impl Quality {
         self.usual_sd_deg(0).is_some_and(|sd| heading_std_deg > MIN_TURN_SIGMAS * sd)
     }
 
-    /// The lines.
-    pub(crate) fn lines(&self) -> Vec<String> {
+    /// The lines; `session`: the times of all rows.
+    pub(crate) fn lines(&self, session: &SessionSpan) -> Vec<String> {
         let mut lines = Vec::new();
         let usual = |k: usize| Some(format!("{} {:.3}°", NAMES[k], self.usual_sd_deg(k)?));
         let deviations: Vec<String> = (0..3).filter_map(usual).collect();
@@ -70,7 +69,7 @@ impl Quality {
             let mean = sum as f64 / rows as f64;
             lines.push(format!("satellites: {mean:.1} on average, {fewest} to {most}"));
         }
-        lines.extend(self.span.gaps_text());
+        lines.extend(span::gaps(session).map(|gaps| format!("gaps that no antenna has: {gaps}")));
         lines
     }
 }
@@ -84,7 +83,7 @@ mod tests {
 
     #[test]
     fn a_body_that_moves_is_told_by_its_deviations() {
-        let mut quality = Quality::default();
+        let (mut quality, mut session) = (Quality::default(), SessionSpan::default());
         let first = GpsTime::from_week_tow(2320, 0.0).unwrap();
         for k in [0, 1, 2, 3, 10] {
             let sd_rad = 0.1f64.to_radians();
@@ -99,13 +98,14 @@ mod tests {
             (row.status, row.reason, row.attitude) = (Status::Fixed, None, Some(attitude));
             row.satellites = if k == 3 { 7 } else { 9 };
             quality.add(&row);
+            session.add(row.time);
         }
         assert_eq!(
-            quality.lines(),
+            quality.lines(&session),
             [
                 "usual standard deviation: heading 0.100°, pitch 0.100°",
                 "satellites: 8.6 on average, 7 to 9",
-                "gaps without any epoch: 1, the longest of 7 s",
+                "gaps that no antenna has: 1, the longest of 7 s",
             ]
         );
         assert!(quality.is_turning(2.0) && !quality.is_turning(0.2));

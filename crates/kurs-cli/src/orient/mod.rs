@@ -11,13 +11,14 @@ use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
+use kurs::orientation::lengths::Length;
 use kurs::orientation::{Method, Orienter, PositionEpoch, Settings};
 use kurs::solution::{EpochSolution, Status};
-use kurs_formats::positions::nmea::Date;
+use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
 
 use crate::config_file;
-use crate::failure::{ExitCode, UsageError};
+use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
 use crate::output::{self, OutputFile, OutputFolder};
 use crate::progress::{Progress, Work};
@@ -31,6 +32,12 @@ use positions::Positions;
 
 /// Stated standard deviations are left alone unless they are this many times too small.
 const TRUSTED_SD_FACTOR: f64 = 1.5;
+/// The known lengths scale standard deviations by no more: beyond it the lengths are wrong, not the
+/// standard deviations. A fixed RTK solution is good to centimetres, here counted as 1 cm, and is never
+/// as bad as five.
+const MAX_SD_FACTOR: f64 = 5.0;
+/// Nor are they ten times better: lengths that agree to less are copies of each other, or rounded.
+const MIN_SD_FACTOR: f64 = 0.1;
 /// Epochs that are solved, by all processors, while those before are written.
 const EPOCHS_AT_ONCE: usize = 8192;
 
@@ -63,6 +70,11 @@ pub(crate) struct Args {
     /// UTC date of the first position, for NMEA logs that say none.
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<Date>,
+    /// Takes NMEA sentences that have no checksum.
+    #[arg(long)]
+    accept_no_checksum: bool,
+    #[command(flatten)]
+    required_fix: RequiredFix,
     /// Sets a key of the table `orient`, or `table.key`.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -112,10 +124,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     config.check()?;
     let given = config.array()?;
     let names = config.names();
-    let mut input = positions::read(&args.positions, args.date, &config)?;
+    let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
+    let mut input = positions::read(&args.positions, options, &config)?;
     input.epochs.retain(|epoch| args.window.contains(epoch.time));
     if input.epochs.is_empty() {
-        bail!("no position of the antennas {} in {}", names.join(", "), args.positions.join(", "));
+        let files = args.positions.join(", ");
+        let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
+        bail!("no position of the antennas {} in {files}{notes}", names.join(", "));
+    }
+    if !args.quiet {
+        input.notes.iter().for_each(|note| eprintln!("{note}"));
     }
 
     let inputs = positions::files(&args.positions, &names);
@@ -160,11 +178,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         println!("{}\nwritten to {}", summary.text(), args.out.display());
     }
     if summary.has_solution() {
-        return Ok(watch.status(ExitCode::SUCCESS));
+        return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     match summary.main_reason() {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
-        Some("geometry") => bail!("the coordinates never keep the distances of the antennas"),
         _ => bail!("no epoch has an attitude"),
     }
 }
@@ -186,7 +203,7 @@ impl Outputs {
             .iter()
             .map(|format| Tables::create(folder, *format, config.names(), points.clone()));
         Ok(Self {
-            summary: Summary::new(config.names()),
+            summary: Summary::new(config.names()).with_capable("that two antennas have"),
             tables: tables.collect::<anyhow::Result<_>>()?,
             report: args.report.then(|| Report::new(config.names(), &config.places())),
             progress: Progress::start(args.quiet, Work::ORIENT),
@@ -249,12 +266,19 @@ fn orienter(
         sd_scale: 1.0,
         method,
         max_tilt_rad: config.orient.max_tilt_deg.to_radians(),
+        max_angle_sd_rad: config.orient.max_angle_sd_deg.to_radians(),
         points_m: config.point.iter().map(|point| point_of(point.position_m)).collect(),
     };
     let usage = |error: kurs::attitude::AttitudeError| UsageError(error.to_string());
     let orienter = Orienter::new(settings.clone()).map_err(usage)?;
     let Some(factor) = orienter.sd_factor(&input.epochs) else { return Ok(orienter) };
+    let factor = factor.max(MIN_SD_FACTOR);
     if input.states_sd && factor <= TRUSTED_SD_FACTOR {
+        return Ok(orienter);
+    }
+    let lengths = orienter.lengths(&input.epochs);
+    if factor > max_factor(&lengths, input) {
+        eprintln!("{}", misfit_text(&lengths, &config.names(), factor));
         return Ok(orienter);
     }
     let kind = if input.states_sd { "stated" } else { "assumed" };
@@ -262,6 +286,28 @@ fn orienter(
         eprintln!("{kind} standard deviations times {factor:.2}, as the known distances show");
     }
     Ok(Orienter::new(Settings { sd_scale: factor, ..settings }).map_err(usage)?)
+}
+
+/// The largest factor on the standard deviations that the known lengths may ask for. Where nothing is
+/// said of the positions' quality it counts from what scatters.
+fn max_factor(lengths: &[Length], input: &Positions) -> f64 {
+    if input.states_quality {
+        return MAX_SD_FACTOR;
+    }
+    let scatter = lengths.iter().map(|length| length.scatter_m / length.stated_sd_m);
+    MAX_SD_FACTOR * scatter.fold(1.0, f64::max)
+}
+
+/// Says that the known lengths do not fit, by the pair that fits worst.
+fn misfit_text(lengths: &[Length], names: &[String], factor: f64) -> String {
+    let worst = lengths.iter().max_by(|a, b| a.excess().total_cmp(&b.excess()));
+    worst.map_or_else(String::new, |Length { first, second, known_m, measured_m, scatter_m, .. }| {
+        format!(
+            "the known lengths do not fit: {} to {} measured {measured_m:.2} ± {scatter_m:.2} m, \
+             configured {known_m:.2} m; only standard deviations {factor:.0} times larger would explain it",
+            names[*first], names[*second]
+        )
+    })
 }
 
 /// The array as the data have it, written to `array.toml`.

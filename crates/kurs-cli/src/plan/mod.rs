@@ -3,12 +3,14 @@
 mod config;
 mod improvement;
 mod report;
+mod session;
 mod sky;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Attitude;
 use kurs::prediction::{
@@ -18,12 +20,14 @@ use kurs::prediction::{
 use kurs::selection::{
     Baselines, Criterion, Graph, Pair, SelectionError, error_relative_to_all_antennas, select,
 };
+use kurs::signal::{Band, System};
 use kurs::time::GpsTime;
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use self::config::ArrayFile;
 use self::improvement::Improvement;
+use self::session::Session;
 use self::sky::Sky;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFolder};
@@ -46,7 +50,8 @@ pub(crate) struct Args {
     /// Navigation file, in place of those of the file; several may be given; a nominal sky without any
     #[arg(long)]
     nav: Vec<PathBuf>,
-    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first ephemeris)
+    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the first
+    /// ephemeris)
     #[arg(long)]
     at: Option<String>,
     /// Time span, such as 24h, 90m or 600s
@@ -108,6 +113,8 @@ struct Plan {
     file: ArrayFile,
     array: AntennaArray,
     sky: String,
+    /// What a user should know before the numbers.
+    notes: Vec<String>,
     epochs: Vec<Epoch>,
     /// For each antenna but the first: success rate of its baseline with known length.
     length_constrained: Vec<Option<SimulatedRate>>,
@@ -118,16 +125,26 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let file = ArrayFile::read(&args.array, &args.set)?;
+    let mut file = ArrayFile::read(&args.array, &args.set)?;
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
-    let sky = Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?;
+    let mut notes = Vec::new();
+    let session = observed(args, &file, &mut notes);
+    if let Some(session) = &session {
+        file.fill(session);
+    }
+    let first = session.as_ref().and_then(|session| session.start);
+    let sky = match session {
+        Some(session) => Sky::Broadcast(Box::new(session.navigation)),
+        None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
+    };
     let start = match &args.at {
         Some(text) => sky::parse_time(text)?,
-        None => sky.start(),
+        None => first.unwrap_or_else(|| sky.start()),
     };
     let epochs = predict(&file, &array, &sky, start, sky::parse_duration_s(&args.duration)?)?;
+    notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
         bail!("no epoch from {start} on has satellites enough for an attitude");
     }
@@ -138,6 +155,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         improvement: improvement::best(&array, &attitude(&file), &sampled(&epochs)),
         choices: choose(&array, &baselines, file.plan.graph(), &mut random),
         sky: sky.description(),
+        notes,
         file,
         array,
         epochs,
@@ -154,6 +172,41 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the observations of the file tell; `None`, with a note, where they cannot be read.
+fn observed(args: &Args, file: &ArrayFile, notes: &mut Vec<String>) -> Option<Session> {
+    let first = file.observations().next()?;
+    let session = match file.observations().find(|path| !path.exists()) {
+        Some(absent) => Err(anyhow!("{} is not there", absent.display())),
+        None => Session::read(&args.array, &args.nav),
+    };
+    let told = session.map_err(|error| {
+        notes.push(format!(
+            "The observations ({}, …) tell nothing, what they could is assumed: {error:#}",
+            first.display()
+        ));
+    });
+    told.ok()
+}
+
+/// Systems whose ephemerides end before the plan does.
+fn uncovered(epochs: &[Epoch], bands: &[Band]) -> Vec<String> {
+    let systems: BTreeSet<System> = bands.iter().map(|band| band.system).collect();
+    let ends = systems.into_iter().filter_map(|system| {
+        let has = |epoch: &Epoch| epoch.sights.iter().any(|sight| sight.band.system == system);
+        let without = epochs.iter().rev().take_while(|epoch| !has(epoch)).count();
+        let last = epochs.len().checked_sub(without + 1).map(|last| epochs[last].time);
+        let which = last.map_or("none at all".to_owned(), |last| format!("the last at {last}"));
+        (without > 0).then(|| {
+            format!(
+                "The ephemerides of system {system} end: {without} of {} epochs have none ({which}). Give \
+                 navigation files of those hours, or a shorter --for.",
+                epochs.len()
+            )
+        })
+    });
+    ends.collect()
 }
 
 /// The level body at the planned heading.

@@ -29,6 +29,9 @@ type Rows = Vec<Vec<String>>;
 /// Prints the plan.
 pub(super) fn print(plan: &Plan) {
     println!("{}\n", summary(plan));
+    for note in &plan.notes {
+        println!("Note: {note}\n");
+    }
     for (title, header, rows) in tables(plan) {
         println!("{title}");
         let mut table = Table::new();
@@ -45,6 +48,9 @@ pub(super) fn print(plan: &Plan) {
 pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     let mut page = Page::new("Antenna array: what to expect");
     page.paragraph(&summary(plan));
+    for note in &plan.notes {
+        page.paragraph(&format!("Note: {note}"));
+    }
     page.heading("Accuracy over time");
     page.plot(&accuracy_plot(plan));
     page.heading("Array, seen from above, with the chosen baselines");
@@ -114,6 +120,8 @@ pub(super) fn document(plan: &Plan) -> Value {
     json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sky": plan.sky,
+        "notes": plan.notes,
+        "basis": basis_json(plan),
         "antennas": names,
         "epochs": epochs,
         "length_constrained": length_constrained,
@@ -124,6 +132,15 @@ pub(super) fn document(plan: &Plan) -> Value {
         "graph": graph_name(plan.file.plan.graph()),
         "choices": choices,
     })
+}
+
+/// Value and origin of each key that the plan rests on.
+fn basis_json(plan: &Plan) -> Value {
+    let entry = |[key, text, origin]: [String; 3]| {
+        let value = text.parse::<f64>().map_or(json!(text), |number| json!(number));
+        (key, json!({ "value": value, "from": origin }))
+    };
+    Value::Object(plan.file.basis().into_iter().map(entry).collect())
 }
 
 fn epoch_json(epoch: &Epoch) -> Value {
@@ -160,7 +177,9 @@ fn summary(plan: &Plan) -> String {
 
 /// Title, header and rows of every table.
 fn tables(plan: &Plan) -> Vec<(&'static str, Vec<&'static str>, Rows)> {
+    let basis = plan.file.basis().into_iter().map(Vec::from).collect();
     let mut tables = vec![
+        ("What the plan rests on", vec!["key", "value", "from"], basis),
         (
             "Standard deviations with fixed integers, all antennas and their full covariance",
             vec!["", "median", "best", "worst"],

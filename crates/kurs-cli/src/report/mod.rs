@@ -2,7 +2,7 @@
 
 mod plots;
 mod residuals;
-mod span;
+pub(crate) mod span;
 mod thinning;
 
 use std::path::Path;
@@ -14,10 +14,10 @@ use kurs::time::GpsTime;
 
 use crate::map_files::{Heights, Way};
 use crate::page::Page;
+use crate::session_span::SessionSpan;
 use crate::truth::TruthRow;
 use plots::{Epochs, Shown};
 use residuals::Residuals;
-pub(crate) use span::Span;
 use thinning::Thinned;
 
 /// What the plots need of one epoch.
@@ -44,7 +44,7 @@ pub(crate) struct Report {
     antennas: Vec<String>,
     /// Known length of the baseline to every antenna but the first.
     known_lengths_m: Vec<Option<f64>>,
-    span: Span,
+    span: SessionSpan,
     samples: Thinned,
     residuals: Residuals,
     way: Way,
@@ -78,7 +78,7 @@ impl Report {
         Self {
             antennas,
             known_lengths_m,
-            span: Span::default(),
+            span: SessionSpan::default(),
             samples: Thinned::default(),
             residuals: Residuals::default(),
             way: Way::default(),
@@ -87,7 +87,9 @@ impl Report {
 
     /// Takes an epoch in.
     pub(crate) fn add(&mut self, row: &EpochSolution, truth: Option<&TruthRow>) {
-        if self.span.take(row.time) || row.position.is_none() {
+        let step_s = self.span.last().map_or(0.0, |last| row.time - last);
+        self.span.add(row.time);
+        if row.position.is_none() || self.span.is_gap(step_s) {
             self.way.gap();
         }
         if let Some(position) = &row.position {
@@ -144,7 +146,7 @@ impl Report {
     /// What it is about: numbers, span, inputs, version.
     fn write_top(&self, page: &mut Page, words: &Words<'_>) {
         page.tiles(&words.headline);
-        let mut facts = self.span.facts();
+        let mut facts = span::facts(&self.span);
         facts.extend(words.inputs.iter().map(|input| input.to_vec()));
         facts.push(vec!["made by".to_owned(), format!("kurs {}", env!("CARGO_PKG_VERSION"))]);
         page.table(&[], &facts);

@@ -1,65 +1,22 @@
-//! From when to when epochs are, how often, and where they are missing.
+//! From when to when epochs are, how often, and where they are missing, in words.
 
-use kurs::time::GpsTime;
+use crate::session_span::SessionSpan;
 
-/// Where the next epoch is so many intervals away, some are missing.
-const GAP: f64 = 1.5;
-
-/// What the gaps are called.
-const GAPS: &str = "gaps without any epoch";
-
-/// See the module; fed in time order.
-#[derive(Debug, Default)]
-pub(crate) struct Span {
-    first: Option<GpsTime>,
-    last: Option<GpsTime>,
-    /// Shortest step so far, s.
-    interval_s: Option<f64>,
-    epochs: u64,
-    gaps: u64,
-    longest_gap_s: f64,
+/// A name and a value each.
+pub(crate) fn facts(span: &SessionSpan) -> Vec<Vec<String>> {
+    let Some((first, last)) = span.first().zip(span.last()) else { return Vec::new() };
+    let interval =
+        span.interval_s().map_or_else(String::new, |s| format!(", every {} s", plain(s)));
+    let whole = format!("{first} to {last} GPS time ({}){interval}", duration(last - first));
+    let mut facts = vec![vec!["span".to_owned(), whole]];
+    facts.extend(gaps(span).map(|gaps| vec!["gaps without any epoch".to_owned(), gaps]));
+    facts
 }
 
-impl Span {
-    /// The next epoch; whether some are missing before it.
-    pub(crate) fn take(&mut self, time: GpsTime) -> bool {
-        self.epochs += 1;
-        self.first.get_or_insert(time);
-        let Some(last) = self.last.replace(time) else { return false };
-        let step_s = time - last;
-        let Some(interval_s) = self.interval_s else {
-            self.interval_s = Some(step_s);
-            return false;
-        };
-        self.interval_s = Some(interval_s.min(step_s));
-        let is_gap = step_s > GAP * interval_s;
-        if is_gap {
-            self.gaps += 1;
-            self.longest_gap_s = self.longest_gap_s.max(step_s);
-        }
-        is_gap
-    }
-
-    /// How many gaps there are and how long; `None` without any.
-    pub(crate) fn gaps_text(&self) -> Option<String> {
-        let text =
-            || format!("{GAPS}: {}, the longest of {}", self.gaps, duration(self.longest_gap_s));
-        (self.gaps > 0).then(text)
-    }
-
-    /// In words: a name and a value each.
-    pub(crate) fn facts(&self) -> Vec<Vec<String>> {
-        let (Some(first), Some(last)) = (self.first, self.last) else { return Vec::new() };
-        let interval =
-            self.interval_s.map_or_else(String::new, |s| format!(", every {} s", plain(s)));
-        let span = format!("{first} to {last} GPS time ({}){interval}", duration(last - first));
-        let mut facts = vec![vec!["span".to_owned(), span]];
-        let gaps = self.gaps_text();
-        facts.extend(gaps.and_then(|text| {
-            text.split_once(": ").map(|(name, value)| vec![name.to_owned(), value.to_owned()])
-        }));
-        facts
-    }
+/// How many gaps there are and how long; `None` without any.
+pub(crate) fn gaps(span: &SessionSpan) -> Option<String> {
+    let (count, longest_s) = span.gaps()?;
+    Some(format!("{count}, the longest of {}", duration(longest_s)))
 }
 
 /// A number of seconds without needless digits.
@@ -84,15 +41,14 @@ fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kurs::time::GpsTime;
 
     #[test]
-    fn gaps_are_counted() {
+    fn span_and_gaps_are_told() {
         let first = GpsTime::from_week_tow(2320, 113_400.0).unwrap();
-        let mut span = Span::default();
-        let gaps: Vec<bool> =
-            [0.0, 0.2, 0.4, 2.0, 2.2, 3725.4].into_iter().map(|s| span.take(first + s)).collect();
-        assert_eq!(gaps, [false, false, false, true, false, true]);
-        let facts = span.facts();
+        let mut span = SessionSpan::default();
+        [0.0, 0.2, 0.4, 2.0, 2.2, 3725.4].into_iter().for_each(|s| span.add(first + s));
+        let facts = facts(&span);
         assert_eq!(
             facts[0][1],
             "2024-06-24T07:30:00.000 to 2024-06-24T08:32:05.400 GPS time (1 h 2 min), every 0.2 s"

@@ -12,6 +12,7 @@ use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::{LogOptions, LogPart};
 use kurs_formats::sbf::AntennaId;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::found_files::{FoundAntenna, FoundFiles};
@@ -35,6 +36,13 @@ pub(crate) struct Config {
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
     pub(crate) station: Option<StationTable>,
+    // What `kurs plan` is told in the same file.
+    #[serde(default, rename = "plan", skip_serializing)]
+    _plan: IgnoredAny,
+    #[serde(default, rename = "mask", skip_serializing)]
+    _mask: IgnoredAny,
+    #[serde(default, rename = "baseline", skip_serializing)]
+    _baseline: IgnoredAny,
 }
 
 /// One antenna.
@@ -360,6 +368,14 @@ impl Loaded {
     /// A path of the configuration, relative to its file's folder.
     pub(crate) fn path(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// Every file that the configuration names.
+    pub(crate) fn input_files(&self) -> Vec<PathBuf> {
+        let Config { antenna, station, nav, antex, .. } = &self.config;
+        let observed =
+            antenna.iter().flat_map(|a| &a.obs).chain(station.iter().flat_map(|s| &s.obs));
+        observed.chain(&nav.files).chain(&antex.files).map(|file| self.path(file)).collect()
     }
 
     /// What the receiver logs of an antenna do not say by themselves.

@@ -148,10 +148,6 @@ impl Loaded {
 
     /// Every file that the configuration names.
     pub(crate) fn inputs(&self, file: Option<&Path>) -> Vec<PathBuf> {
-        let Config { antenna, nav, antex, station, .. } = &self.config;
-        let observations = antenna.iter().flat_map(|a| &a.obs);
-        let of_station = station.iter().flat_map(|station| &station.obs);
-        let named = observations.chain(of_station).chain(&nav.files).chain(&antex.files);
-        named.map(|path| self.path(path)).chain(file.map(Path::to_owned)).collect()
+        self.input_files().into_iter().chain(file.map(Path::to_owned)).collect()
     }
 }

@@ -22,7 +22,8 @@ use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 
-use crate::failure::{ExitCode, UsageError};
+use crate::copies::Copies;
+use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
 use crate::output::{self, Destination, OutputFolder};
 use crate::progress::{Progress, Work};
@@ -82,6 +83,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FORMAT", value_enum, num_args = 0..=1, require_equals = true,
         default_missing_value = "text")]
     explain: Option<ExplainFormat>,
+    #[command(flatten)]
+    required_fix: RequiredFix,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -104,6 +107,7 @@ impl Args {
             truth: Some(truth),
             json,
             explain: None,
+            required_fix: RequiredFix::default(),
             quiet,
         }
     }
@@ -157,11 +161,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let capable = streams.antennas_with_epochs() >= 2;
 
     let mut summary = Summary::new(antenna_names(loaded));
+    let mut copies = Copies::default();
     let mut progress = Progress::start(args.quiet, Work::SOLVE);
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
-        let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
+        let mut row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
+        if copies.add(&epoch) {
+            refuse_zero_baseline(&mut row);
+        }
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
@@ -187,11 +195,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         () if args.json => println!("{}", serde_json::to_string_pretty(&file)?),
         () if !args.quiet => {
             print!("{}{}", closing(&summary, &damage, &args.out), review.text());
+            if let Some(line) = review::in_one_line(loaded, &summary, &copies) {
+                println!("{line}");
+            }
         }
         () => {}
     }
     if summary.has_solution() {
-        return Ok(watch.status(ExitCode::SUCCESS));
+        return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
 }
@@ -216,6 +227,13 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
     row.status = Status::NotCapable;
     row.antennas = epoch.antennas.iter().flatten().count();
     row
+}
+
+/// An epoch whose antennas are one recording: its baselines are zero, which no array has.
+fn refuse_zero_baseline(row: &mut EpochSolution) {
+    (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
+    row.attitude = None;
+    row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
 }
 
 /// Everything that is written row by row.

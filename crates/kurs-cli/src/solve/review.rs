@@ -1,4 +1,5 @@
-//! What a run is shown and judged by, beside its tables: the report and the comparison with truth.
+//! What a run is shown and judged by, beside its tables: the report, the comparison with truth, and
+//! what `kurs doctor` would say.
 
 use std::path::Path;
 
@@ -9,6 +10,8 @@ use super::config::Loaded;
 use super::explain::ExplainFormat;
 use super::session_args::Session;
 use super::{Args, antenna_names};
+use crate::copies::Copies;
+use crate::doctor;
 use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::truth::{Agreement, Truth};
@@ -17,6 +20,19 @@ use crate::truth::{Agreement, Truth};
 pub(super) struct Review {
     report: Option<(Report, EphemerisStore)>,
     truth: Option<(Truth, Agreement)>,
+}
+
+/// What `kurs doctor` would say first, where little is fixed; `None` where enough is.
+pub(super) fn in_one_line(loaded: &Loaded, summary: &Summary, copies: &Copies) -> Option<String> {
+    if let Some(text) = copies.text(&antenna_names(loaded)) {
+        return Some(text);
+    }
+    let share = summary.fixed_of_session().unwrap_or(0.0);
+    if share >= doctor::WELL {
+        return None;
+    }
+    let causes = doctor::in_one_line(loaded, summary.main_reason());
+    Some(format!("only {:.1} % of the session is fixed: {causes}", 100.0 * share))
 }
 
 impl Review {

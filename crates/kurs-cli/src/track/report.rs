@@ -16,7 +16,8 @@ use super::write::{local_sigmas, words};
 use crate::chart::{self, Clock};
 use crate::page::colour::{BLUE, GREEN, GREY, ORANGE};
 use crate::page::{Page, laid_out};
-use crate::report::Span;
+use crate::report::span;
+use crate::session_span::SessionSpan;
 
 /// Points of an ellipse drawn as a polygon.
 const ELLIPSE_POINTS: u32 = 36;
@@ -62,11 +63,9 @@ fn write_top(page: &mut Page, config: &Config, found: &PathFound, inputs: &[Path
     let statuses = [Status::Ok, Status::Ambiguous, Status::Inconsistent, Status::Lost];
     tiles.extend(statuses.map(|status| [status.word().to_owned(), count(status)]));
     page.tiles(&tiles);
-    let mut span = Span::default();
-    for point in &found.points {
-        span.take(point.time);
-    }
-    let mut facts = span.facts();
+    let mut session = SessionSpan::default();
+    found.points.iter().for_each(|point| session.add(point.time));
+    let mut facts = span::facts(&session);
     let stations: Vec<&str> = config.station.iter().map(|s| s.name.as_str()).collect();
     facts.push(vec!["stations".to_owned(), stations.join(", ")]);
     let files = inputs.iter().map(|file| vec!["input".to_owned(), file.display().to_string()]);

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod figures;
+mod logs;
 mod simulation;
 
 use std::fs;
