@@ -150,6 +150,7 @@ fn write_antenna(
     }
     writeln!(text, "obs = {}", list(&antenna.files, out))?;
     match antenna.part {
+        Some(LogPart::Receiver) => writeln!(text, "protocol = \"ubx\"")?,
         Some(LogPart::Station(id)) => writeln!(text, "station_id = {id}")?,
         Some(LogPart::Antenna(id)) => writeln!(text, "antenna_id = \"{id}\"")?,
         None => {}

@@ -47,6 +47,7 @@ pub fn read_near(
     data: &mut NavigationData,
 ) -> Result<ReadSummary, ReadError> {
     let content = Content::of(source.start(Content::ENOUGH)?);
+    let near = near.or_else(|| logs::file_date::of_name(source.name()));
     let mut summary = ReadSummary::default();
     match content {
         Content::RinexNavigation => rinex::navigation::read(source, data, &mut summary)?,

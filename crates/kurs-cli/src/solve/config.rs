@@ -10,7 +10,7 @@ use kurs::frames::Vector;
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
-use kurs_formats::logs::{LogOptions, LogPart};
+use kurs_formats::logs::{LogPart, Protocol};
 use kurs_formats::sbf::AntennaId;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -56,6 +56,14 @@ pub(crate) struct AntennaTable {
     pub(crate) antenna_type: Option<String>,
     /// The north mark against the body's forward axis, clockwise seen from above.
     pub(crate) antenna_orientation_deg: Option<f64>,
+    /// Log of several protocols with observations: the one that is wanted.
+    #[serde(
+        default,
+        deserialize_with = "protocol",
+        serialize_with = "protocol_word",
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is this antenna.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is this one: main, aux1, aux2.
@@ -78,6 +86,27 @@ fn antenna_id_word<S: Serializer>(
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     id.map(|id| id.to_string()).serialize(serializer)
+}
+
+#[allow(clippy::ref_option)] // as serde calls it
+fn protocol_word<S: Serializer>(
+    protocol: &Option<Protocol>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    protocol.map(word).serialize(serializer)
+}
+
+/// As a configuration names it.
+const fn word(protocol: Protocol) -> &'static str {
+    match protocol {
+        Protocol::Ubx => "ubx",
+        Protocol::Rtcm3 => "rtcm3",
+        Protocol::Sbf => "sbf",
+    }
+}
+
+fn protocol<'de, D: Deserializer<'de>>(text: D) -> Result<Option<Protocol>, D::Error> {
+    String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
 
 /// Antenna calibrations.
@@ -104,6 +133,14 @@ pub(crate) struct NavTable {
 pub(crate) struct StationTable {
     pub(crate) obs: Vec<PathBuf>,
     pub(crate) position_ecef_m: [f64; 3],
+    /// Log of several protocols with observations: the one that is wanted.
+    #[serde(
+        default,
+        deserialize_with = "protocol",
+        serialize_with = "protocol_word",
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is meant.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is meant.
@@ -287,6 +324,7 @@ fn found_antenna(found: &FoundAntenna) -> toml::Table {
     let files = found.files.iter().map(|path| absolute(path)).collect();
     table.insert("obs".into(), toml::Value::Array(files));
     match found.part {
+        Some(LogPart::Receiver) => table.insert("protocol".into(), word(Protocol::Ubx).into()),
         Some(LogPart::Station(id)) => table.insert("station_id".into(), i64::from(id).into()),
         Some(LogPart::Antenna(id)) => table.insert("antenna_id".into(), id.to_string().into()),
         None => None,
@@ -319,7 +357,7 @@ fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
     })
 }
 
-/// `NAME=OBS[#ID][@X,Y,Z]`: the station (RTCM 3) or antenna (SBF) of a log that has several.
+/// `NAME=OBS[#ID][@X,Y,Z]`: the protocol, station (RTCM 3) or antenna (SBF) of a log that has several.
 fn antenna_flag(flag: &str) -> Result<toml::Table, UsageError> {
     let expected = || {
         UsageError(format!(
@@ -350,6 +388,9 @@ fn antenna_flag(flag: &str) -> Result<toml::Table, UsageError> {
     let obs = chosen.map_or(obs, |(obs, _)| obs);
     match chosen.map(|(_, id)| (id, id.parse::<u16>())) {
         Some((_, Ok(station))) => table.insert("station_id".into(), i64::from(station).into()),
+        Some((id, Err(_))) if id.parse::<Protocol>().is_ok() => {
+            table.insert("protocol".into(), id.into())
+        }
         Some((id, Err(_))) => table.insert("antenna_id".into(), id.into()),
         None => None,
     };
@@ -376,16 +417,6 @@ impl Loaded {
         let observed =
             antenna.iter().flat_map(|a| &a.obs).chain(station.iter().flat_map(|s| &s.obs));
         observed.chain(&nav.files).chain(&antex.files).map(|file| self.path(file)).collect()
-    }
-
-    /// What the receiver logs of an antenna do not say by themselves.
-    pub(crate) fn log_options(
-        &self,
-        station_id: Option<u16>,
-        antenna_id: Option<AntennaId>,
-    ) -> LogOptions {
-        let approximate_time = self.approximate_time();
-        LogOptions { station: station_id, antenna: antenna_id, approximate_time }
     }
 
     /// `[nav] approximate_time`

@@ -4,11 +4,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use kurs::observation::AntennaEpoch;
 use kurs_formats::content::Content;
 use kurs_formats::logs::{self, LogPart};
-use kurs_formats::observations::ObservationSource;
 use kurs_formats::source::{ReadError, Source};
 
 use crate::failure::UsageError;
@@ -125,6 +122,7 @@ impl FoundFiles {
         let path = file.path().to_owned();
         let (name, is_site) = name_of(file.path());
         let name = part.map_or(name.clone(), |part| match part {
+            LogPart::Receiver => format!("{name}-ubx"),
             LogPart::Antenna(id) => format!("{name}-{id}"),
             LogPart::Station(id) => format!("{name}-{id}"),
         });
@@ -181,7 +179,7 @@ fn purpose(path: &Path) -> anyhow::Result<Purpose> {
         Content::RinexObservation | Content::CompactRinex => Purpose::Observations(Vec::new()),
         Content::RinexNavigation | Content::Sp3 => Purpose::Navigation,
         Content::Antex => Purpose::Antennas,
-        content if content.is_log() => of_log(path, &content)?,
+        content if content.is_log() => of_log(path)?,
         Content::Nmea => {
             let text = "NMEA sentences hold coordinates, no observations: `kurs orient` takes them";
             return Err(UsageError(format!("{}: {text}", path.display())).into());
@@ -191,21 +189,13 @@ fn purpose(path: &Path) -> anyhow::Result<Purpose> {
 }
 
 /// The antennas in a log; one without observations serves for its ephemerides.
-fn of_log(path: &Path, content: &Content) -> anyhow::Result<Purpose> {
-    let parts: Vec<LogPart> = logs::parts(&mut Source::open(path)?)?.into_iter().collect();
-    if parts.len() > 1 {
-        return Ok(Purpose::Observations(parts.into_iter().map(Some).collect()));
-    }
-    if !parts.is_empty() {
-        return Ok(Purpose::Observations(Vec::new()));
-    }
-    if *content != Content::Ubx {
-        return Ok(Purpose::Navigation);
-    }
-    let mut source = ObservationSource::open(path)?;
-    let has_epoch =
-        source.next_epoch(&mut AntennaEpoch::default()).with_context(|| path.display().to_string());
-    Ok(if has_epoch? { Purpose::Observations(Vec::new()) } else { Purpose::Navigation })
+fn of_log(path: &Path) -> Result<Purpose, ReadError> {
+    let parts = logs::census(&mut Source::open(path)?)?.parts;
+    Ok(match parts.len() {
+        0 => Purpose::Navigation,
+        1 => Purpose::Observations(Vec::new()),
+        _ => Purpose::Observations(parts.into_iter().map(Some).collect()),
+    })
 }
 
 /// Name of the antenna of a file, and whether it is that of a site, as IGS names have it.

@@ -3,7 +3,7 @@
 pub(crate) mod config;
 mod explain;
 pub(crate) mod found_files;
-mod input;
+pub(crate) mod input;
 mod nmea;
 mod origins;
 mod phase_centers;

@@ -4,54 +4,62 @@ use std::collections::BTreeMap;
 
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
-use kurs::time::GpsTime;
+use kurs::time::{GpsTime, WEEK_S};
 
-use super::choice::Choice;
-use super::frames::{Frame, FrameScanner, Protocol};
-use super::lock_time::LockTimes;
+use super::dating::{Begin, MIDDLE_WEEK_NS};
+use super::epochs::LogEpochs;
+use super::file_date;
+use super::frames::Protocol;
+use super::start::Start;
 use crate::damage::{Damage, DamageLog};
-use crate::rtcm;
-use crate::sbf::block::Block;
-use crate::sbf::{AntennaId, measurements};
+use crate::epoch_order::Ordered;
+use crate::sbf::AntennaId;
 use crate::source::{ReadError, Source};
-use crate::ubx::rawx;
 
 /// What a log does not say by itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LogOptions {
+    /// The protocol whose observations are wanted; needed where there are several.
+    pub protocol: Option<Protocol>,
     /// RTCM 3: the station whose observations are wanted; needed where there are several.
     pub station: Option<u16>,
     /// SBF: the antenna whose observations are wanted; needed where there are several.
     pub antenna: Option<AntennaId>,
-    /// RTCM 3: a time within three days of the log; needed where no message in it tells the date.
+    /// RTCM 3: a time within three days of the log, whatever its messages say.
     pub approximate_time: Option<GpsTime>,
+    /// RTCM 3: a time within three days of the log as other files tell it; it counts where no message
+    /// in the log tells the week.
+    pub navigation_time: Option<GpsTime>,
+    /// RTCM 3: where nothing tells the week, any will do ([`LogReader::is_dated`] says so).
+    pub any_week: bool,
+}
+
+impl LogOptions {
+    /// The protocol that is chosen, by name or by what only one of them has.
+    pub(crate) fn chosen_protocol(&self) -> Option<Protocol> {
+        self.protocol
+            .or(self.station.map(|_| Protocol::Rtcm3))
+            .or(self.antenna.map(|_| Protocol::Sbf))
+    }
+
+    /// A time within ten years of a log of this name, as far as one is known.
+    pub(crate) fn near(&self, name: &str) -> Option<GpsTime> {
+        self.approximate_time.or(self.navigation_time).or_else(|| file_date::of_name(name))
+    }
 }
 
 /// Observations of one antenna from a receiver log.
+///
+/// Epochs come out with increasing times: one that is not later than the epoch before is skipped; one
+/// that jumps far ahead is skipped if the next one is earlier.
 #[derive(Debug)]
 pub struct LogReader {
-    source: Source,
-    scanner: FrameScanner,
-    protocol: Protocol,
-    /// RTCM 3: of stations; SBF: of antennas.
-    choice: Choice,
-    locks: LockTimes,
-    glonass_channels: BTreeMap<u8, i8>,
-    damage: DamageLog,
-    /// Time of the last epoch that was begun.
-    last: Option<GpsTime>,
-    /// RTCM 3: a time within half a week.
-    near: GpsTime,
-    /// RTCM 3: the epoch whose messages are coming in.
-    building: Option<AntennaEpoch>,
-    /// SBF: observations in blocks that are not read were noted.
-    packed_noted: bool,
-    /// RTCM 3: where the station says that its antenna is.
-    place: Option<Vector<Ecef>>,
+    epochs: Ordered<LogEpochs>,
+    is_dated: bool,
 }
 
 impl LogReader {
-    /// Reads a log from its start.
+    /// Reads a log from its start, which `start` has looked into.
     ///
     /// # Errors
     ///
@@ -59,42 +67,34 @@ impl LogReader {
     /// antenna is chosen and the protocol has none.
     pub(crate) fn new(
         source: Source,
-        protocol: Protocol,
+        found: Protocol,
         options: &LogOptions,
-        date: Option<GpsTime>,
+        start: Start,
     ) -> Result<Self, ReadError> {
-        const DATE: &str = "a message that does (1019, 1020, 1042, 1044, 1045 or 1046), or the key \
-            `approximate_time`, a time within three days of the log";
-        if options.antenna.is_some() && protocol != Protocol::Sbf {
+        const DATE: &str = "a message that does (1019, 1020, 1042, 1044, 1045 or 1046), navigation \
+            files or a file name of the time, or the key `approximate_time`, a time within three days \
+            of the log";
+        let observing = start.protocol.unwrap_or(found);
+        if options.antenna.is_some() && options.protocol.unwrap_or(observing) != Protocol::Sbf {
             let antenna =
                 "Septentrio blocks (SBF), because `antenna_id` chooses one of their antennas";
-            return Err(source.wrong_content(protocol.to_string(), antenna));
+            return Err(source.wrong_content(observing.to_string(), antenna));
         }
-        if options.station.is_some() && protocol != Protocol::Rtcm3 {
+        if options.station.is_some() && options.protocol.unwrap_or(observing) != Protocol::Rtcm3 {
             let station = "RTCM 3 messages, because `station_id` chooses one of their stations";
-            return Err(source.wrong_content(protocol.to_string(), station));
+            return Err(source.wrong_content(observing.to_string(), station));
         }
-        let date = options.approximate_time.or(date);
-        if protocol == Protocol::Rtcm3 && date.is_none() {
+        let protocol = options.protocol.unwrap_or(observing);
+        let mut damage = DamageLog::default();
+        let begin = begin(source.name(), options, start, &mut damage);
+        let is_dated = protocol != Protocol::Rtcm3 || begin.is_some();
+        if !is_dated && !options.any_week {
             return Err(source.wrong_content("RTCM 3 messages that do not tell the week", DATE));
         }
-        Ok(Self {
-            source,
-            scanner: FrameScanner::default(),
-            protocol,
-            choice: Choice::new(match protocol {
-                Protocol::Sbf => options.antenna.map(|antenna| u16::from(antenna.0)),
-                _ => options.station,
-            }),
-            locks: LockTimes::default(),
-            glonass_channels: BTreeMap::new(),
-            damage: DamageLog::default(),
-            last: None,
-            near: date.unwrap_or_default(),
-            building: None,
-            packed_noted: false,
-            place: None,
-        })
+        let begin = begin
+            .unwrap_or(Begin { time: GpsTime::from_nanoseconds(MIDDLE_WEEK_NS), is_weekly: true });
+        let epochs = Ordered::new(LogEpochs::new(source, protocol, options, begin, damage));
+        Ok(Self { epochs, is_dated })
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the log.
@@ -102,219 +102,81 @@ impl LogReader {
     /// # Errors
     ///
     /// [`ReadError::Io`] if the operating system refuses to read on; [`ReadError::WrongContent`] if
-    /// there are several stations or antennas and none was chosen, or the chosen one is not there.
+    /// there are several protocols, stations or antennas with observations and none was chosen, or
+    /// the chosen one is not there.
     pub fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        epoch.observations.clear();
-        (epoch.power_failure, epoch.clock_offset_s) = (false, None);
-        let found = match self.protocol {
-            Protocol::Ubx => self.next_ubx(epoch),
-            Protocol::Rtcm3 => self.next_rtcm(epoch),
-            Protocol::Sbf => self.next_sbf(epoch),
-        }?;
-        if !found && self.choice.is_missing() {
-            return Err(self.wrong_choice());
-        }
-        Ok(found)
+        self.epochs.next_epoch(epoch)
     }
 
-    /// RXM-RAWX has a whole epoch.
-    fn next_ubx(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
-            if frame.protocol != Protocol::Ubx || frame.body[..2] != rawx::RXM_RAWX {
-                continue;
-            }
-            let (payload, offset) = (&frame.body[4..], frame.offset);
-            let Some(time) = rawx::time(payload) else {
-                self.damage.note(offset, "RXM-RAWX without a week, skipped");
-                continue;
-            };
-            if !is_later(time, &mut self.last, offset, &mut self.damage) {
-                continue;
-            }
-            epoch.time = time;
-            let channels = &mut self.glonass_channels;
-            rawx::read(payload, offset, epoch, &mut self.locks, channels, &mut self.damage);
-            return Ok(true);
-        }
-        Ok(false)
+    /// The protocol whose observations are read.
+    #[must_use]
+    pub const fn protocol(&self) -> Protocol {
+        self.epochs.raw.protocol
     }
 
-    /// An epoch has several messages: it ends where one of a later time comes.
-    fn next_rtcm(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
-            let Frame { protocol: Protocol::Rtcm3, body, offset } = frame else { continue };
-            let Some(header) = rtcm::msm::Header::read(body) else {
-                rtcm::ephemeris::glonass_channel(body, &mut self.glonass_channels);
-                if let Some((station, place)) = rtcm::place::read(body)
-                    && self.choice.wanted().is_none_or(|wanted| wanted == station)
-                {
-                    self.place = Some(place);
-                }
-                continue;
-            };
-            match self.choice.takes(header.station) {
-                Some(true) => {}
-                Some(false) => continue,
-                None => return Err(self.wrong_choice()),
-            }
-            let time = rtcm::clock::resolve(header.system, header.epoch_time, self.near);
-            let Some(time) = time else {
-                self.damage.note(offset, "the epoch time is none, message skipped");
-                continue;
-            };
-            let is_new = self.building.as_ref().is_none_or(|building| building.time != time);
-            if is_new && !is_later(time, &mut self.last, offset, &mut self.damage) {
-                continue;
-            }
-            self.near = time;
-            let complete = if is_new { self.building.take() } else { None };
-            let building = self.building.get_or_insert_with(|| core::mem::take(epoch));
-            building.time = time;
-            let (locks, channels) = (&mut self.locks, &mut self.glonass_channels);
-            let observations = &mut building.observations;
-            if rtcm::msm::read(&header, body, time, locks, channels, observations).is_none() {
-                self.damage.note(offset, "the message is shorter than its masks say, skipped");
-            }
-            if let Some(complete) = complete {
-                *epoch = complete;
-                return Ok(true);
-            }
-        }
-        Ok(self.building.take().map(|complete| *epoch = complete).is_some())
+    /// Whether the week is known; if not, all times are of some other week.
+    #[must_use]
+    pub const fn is_dated(&self) -> bool {
+        self.is_dated
     }
 
-    /// MeasEpoch has a whole epoch of all antennas.
-    fn next_sbf(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
-            let Frame { protocol: Protocol::Sbf, body, offset } = frame else { continue };
-            let block = Block::of(body);
-            if block.number == measurements::MEAS3_RANGES && !self.packed_noted {
-                self.packed_noted = true;
-                self.damage.note(
-                    offset,
-                    "Meas3Ranges are not read, here and behind: let the receiver log MeasEpoch",
-                );
-            }
-            if block.number != measurements::MEAS_EPOCH {
-                continue;
-            }
-            let header = match measurements::Header::read(block.content) {
-                Ok(header) => header,
-                Err(what) => {
-                    self.damage.note(offset, what);
-                    continue;
-                }
-            };
-            let antennas = header.antennas(block.content);
-            let mut is_wanted = header.is_empty();
-            for antenna in (0..AntennaId::COUNT).filter(|antenna| antennas >> antenna & 1 == 1) {
-                match self.choice.takes(u16::from(antenna)) {
-                    Some(wanted) => is_wanted |= wanted,
-                    None => return Err(self.wrong_choice()),
-                }
-            }
-            if !is_wanted {
-                continue;
-            }
-            let Some(time) = block.time() else {
-                self.damage.note(offset, "MeasEpoch without a time, skipped");
-                continue;
-            };
-            if !is_later(time, &mut self.last, offset, &mut self.damage) {
-                continue;
-            }
-            epoch.time = time;
-            let wanted = self.choice.wanted().and_then(|antenna| u8::try_from(antenna).ok());
-            let whole = measurements::Epoch {
-                antenna: wanted.map_or(AntennaId::MAIN, AntennaId),
-                time,
-                locks: &mut self.locks,
-                glonass_channels: &mut self.glonass_channels,
-                observations: &mut epoch.observations,
-            }
-            .read(&header, block.content);
-            if whole.is_none() {
-                self.damage.note(offset, "MeasEpoch is shorter than its counts say, the rest lost");
-            }
-            return Ok(true);
-        }
-        Ok(false)
-    }
-
-    /// There are several stations or antennas, or not the one that was chosen.
-    fn wrong_choice(&self) -> ReadError {
-        let is_sbf = self.protocol == Protocol::Sbf;
-        let name = |number: u16| match u8::try_from(number) {
-            Ok(antenna) if is_sbf => AntennaId(antenna).to_string(),
-            _ => number.to_string(),
-        };
-        let found: Vec<String> = self.choice.found().map(name).collect();
-        let source = if is_sbf { "antenna" } else { "station" };
-        let plural = if found.len() > 1 { "s" } else { "" };
-        let mut text = format!("{} of {source}{plural} {}", self.protocol, found.join(" and "));
-        if let Some(wanted) = self.choice.wanted().filter(|_| self.choice.is_missing()) {
-            text += &format!(", none of {source} {}", name(wanted));
-        }
-        let expected = match (is_sbf, self.choice.is_missing()) {
-            (true, false) => "one antenna, or the key `antenna_id` of the antenna",
-            (true, true) => "the one that the key `antenna_id` names",
-            (false, false) => "one station, or the key `station_id` of the antenna",
-            (false, true) => "the one that the key `station_id` names",
-        };
-        self.source.wrong_content(text, expected)
-    }
-
-    /// Where the log says that the antenna is (RTCM 3: its reference point); as of the last message.
+    /// Where a station in the log says that its antenna is (its reference point); as of the last
+    /// message.
     #[must_use]
     pub const fn place_m(&self) -> Option<Vector<Ecef>> {
-        self.place
+        self.epochs.raw.place
     }
 
     /// GLONASS frequency channel of each orbital slot that was seen so far.
     #[must_use]
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
-        &self.glonass_channels
+        &self.epochs.raw.glonass_channels
     }
 
     /// What was skipped so far, the first [`DamageLog::LISTED_MAX`] entries of it.
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
-        self.damage.listed()
+        self.epochs.raw.damage.listed()
     }
 
     /// How much was skipped so far, the unlisted included.
     #[must_use]
     pub const fn damage_count(&self) -> u64 {
-        self.damage.total()
+        self.epochs.raw.damage.total()
     }
 
     /// Name of the file.
     #[must_use]
     pub fn name(&self) -> &str {
-        self.source.name()
+        self.epochs.raw.source.name()
     }
 
     /// Bytes of the file that were read so far.
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
-        self.source.bytes_read()
+        self.epochs.raw.source.bytes_read()
     }
 }
 
-/// Whether an epoch is later than those before; if it is not, that is damage.
-fn is_later(
-    time: GpsTime,
-    last: &mut Option<GpsTime>,
-    offset: u64,
-    damage: &mut DamageLog,
-) -> bool {
-    let later = last.is_none_or(|last| time > last);
-    if later {
-        *last = Some(time);
-    } else {
-        damage.note_with(offset, || {
-            format!("epoch {time} is not later than the one before, skipped").into()
-        });
+/// Where an RTCM 3 log begins: by the key, its own ephemerides, other files, its name. Disagreements
+/// are noted.
+fn begin(name: &str, options: &LogOptions, start: Start, damage: &mut DamageLog) -> Option<Begin> {
+    let dating = start.dating;
+    let others = [
+        (options.navigation_time, "the navigation files are"),
+        (file_date::of_name(name), "the name of the file is"),
+    ];
+    let by_date =
+        |date: GpsTime| dating.begin_near(date).unwrap_or(Begin { time: date, is_weekly: true });
+    if let Some(date) = options.approximate_time {
+        return Some(by_date(date));
     }
-    later
+    let by_others = others.iter().find_map(|(date, _)| date.map(by_date));
+    let Some(begin) = dating.begin() else { return by_others };
+    for (date, what) in others {
+        if let Some(date) = date.filter(|date| (*date - begin.time).abs() > WEEK_S) {
+            damage.note(0, format!("the log is of {}, {what} of {date}", begin.time));
+        }
+    }
+    Some(begin)
 }
