@@ -77,7 +77,8 @@ fn calendar(text: &str) -> Option<Calendar> {
     })
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
+/// A number of seconds, with or without their letter.
+pub(crate) fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds =
         text.trim_end_matches('s').parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
     seconds.ok_or_else(|| "expected a number of seconds above 0".to_owned())
@@ -108,7 +109,8 @@ mod tests {
         assert!(
             Window::default().contains(time("1999-01-01")) && Window::default().is_everything()
         );
-        for wrong in ["08:00", "2024-13-01T00:00:00", "yesterday"] {
+        assert_eq!(time("2024-06-24T08:20").tow_s(), 86_400.0 + 8.0 * 3600.0 + 1200.0);
+        for wrong in ["", "08:00", "2024-13-01T00:00:00", "yesterdayT00:00", "2024-06-24T08"] {
             assert!(parse_time(wrong).is_err(), "{wrong}");
         }
         assert!(parse_seconds("0").is_err() && parse_seconds("30s") == Ok(30.0));

@@ -26,6 +26,7 @@ use crate::output::{OutputFile, OutputFolder};
 use crate::page::Page;
 use crate::pipe::InputFile;
 use crate::solve::input::middle_time;
+use crate::window::Window;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
 #[derive(Debug, clap::Args)]
@@ -39,6 +40,8 @@ pub(crate) struct Args {
     /// UTC date of RTCM 3 logs that tell no week and are not dated by `--nav` or their names.
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<GpsTime>,
+    #[command(flatten)]
+    window: Window,
     /// Writes everything as JSON, with the data of the sky plot, to a file; without one to
     /// standard output in place of the tables.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
@@ -96,6 +99,8 @@ struct Known {
     /// Of all files.
     navigation: NavigationData,
     options: LogOptions,
+    /// Which epochs count.
+    window: Window,
 }
 
 /// Noon of a day.
@@ -112,6 +117,7 @@ fn date(text: &str) -> Result<GpsTime, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(args)?;
+    args.window.check()?;
     let files = InputFile::open_all(&args.files)?;
     let files: Vec<&Path> = files.iter().map(InputFile::path).collect();
     let known = read_navigation(args, &files)?;
@@ -209,7 +215,7 @@ fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
         any_week: true,
         ..LogOptions::default()
     };
-    Ok(Known { navigation: data, options })
+    Ok(Known { navigation: data, options, window: args.window })
 }
 
 /// The report on a file; on a log of several stations or antennas one for each of them.

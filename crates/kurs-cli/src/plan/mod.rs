@@ -31,6 +31,7 @@ use self::session::Session;
 use self::sky::Sky;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFolder};
+use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
@@ -52,11 +53,17 @@ pub(crate) struct Args {
     nav: Vec<PathBuf>,
     /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the first
     /// ephemeris)
-    #[arg(long)]
-    at: Option<String>,
+    #[arg(long, visible_alias = "from", value_name = "TIME", value_parser = parse_time)]
+    at: Option<GpsTime>,
     /// Time span, such as 24h, 90m or 600s
-    #[arg(long = "for", default_value = "24h")]
+    #[arg(long = "for", default_value = "24h", conflicts_with = "to")]
     duration: String,
+    /// GPS time to end with, in place of --for
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    to: Option<GpsTime>,
+    /// Time from epoch to epoch of the plan, s, in place of `step_s`
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    every: Option<f64>,
     /// Folder for plan.json and plan.html
     #[arg(long, value_name = "DIR", default_value = "kurs-out/plan")]
     out: PathBuf,
@@ -126,6 +133,7 @@ struct Plan {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut file = ArrayFile::read(&args.array, &args.set)?;
+    file.plan.step_s = args.every.unwrap_or(file.plan.step_s);
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
@@ -139,11 +147,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(session) => Sky::Broadcast(Box::new(session.navigation)),
         None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
     };
-    let start = match &args.at {
-        Some(text) => sky::parse_time(text)?,
-        None => first.unwrap_or_else(|| sky.start()),
+    let start = args.at.or(first).unwrap_or_else(|| sky.start());
+    let duration_s = match args.to {
+        Some(to) if to < start => {
+            return Err(UsageError(format!("--to {to} is before the begin, {start}")).into());
+        }
+        Some(to) => to - start,
+        None => sky::parse_duration_s(&args.duration)?,
     };
-    let epochs = predict(&file, &array, &sky, start, sky::parse_duration_s(&args.duration)?)?;
+    let epochs = predict(&file, &array, &sky, start, duration_s)?;
     notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
         bail!("no epoch from {start} on has satellites enough for an attitude");
