@@ -49,10 +49,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = &session.loaded;
     let settings = Settings { array: None, constraint: Constraint::None, ..loaded.settings()? };
     let names = antenna_names(loaded);
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
     let Input { navigation, mut streams, phase_centers, .. } = Input::open(loaded)?;
     let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
-    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
     let mut survey = Survey::new(names.len());
     let mut progress = Progress::start(args.quiet, Work::SURVEY);
     let mut epoch = ArrayEpoch::default();

@@ -124,6 +124,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     config.check()?;
     let given = config.array()?;
     let names = config.names();
+    let inputs = positions::files(&args.positions, &names);
+    let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
     let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
     let mut input = positions::read(&args.positions, options, &config)?;
     input.epochs.retain(|epoch| args.window.contains(epoch.time));
@@ -136,9 +139,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         input.notes.iter().for_each(|note| eprintln!("{note}"));
     }
 
-    let inputs = positions::files(&args.positions, &names);
-    let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
-    let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
     let array = match given {
         Some(array) => array,
         None => estimated_array(&input, &names, folder.path())?,

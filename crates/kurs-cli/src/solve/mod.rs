@@ -149,14 +149,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
+    let destination = Destination::of(&args.out)?;
+    let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
     let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
     if !args.quiet {
         phase_centers.tell();
     }
     let mut review = Review::new(args, loaded, &navigation)?;
     let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
-    let destination = Destination::of(&args.out)?;
-    let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
     let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;
 
@@ -195,9 +195,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         () if args.json => println!("{}", serde_json::to_string_pretty(&file)?),
         () if !args.quiet => {
             print!("{}{}", closing(&summary, &damage, &args.out), review.text());
-            if let Some(line) = review::in_one_line(loaded, &summary, &copies) {
-                println!("{line}");
-            }
+            let asks = !watch.was_interrupted();
+            let line = asks.then(|| review::in_one_line(loaded, &summary, &copies)).flatten();
+            line.iter().for_each(|line| println!("{line}"));
         }
         () => {}
     }

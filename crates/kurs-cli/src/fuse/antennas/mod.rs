@@ -34,15 +34,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let folder = args.config.parent().unwrap_or(Path::new(""));
     config.check()?;
+    let inputs =
+        [args.config.clone(), folder.join(config.antennas.file()?), folder.join(&config.imu.file)];
+    let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let mut sensor = Sensor::open(folder, &config.imu)?;
     let settings = config.session(sensor.has_gyro_bias());
     let smooth = settings.smooth;
     let mut source =
         Source::open(folder, &config.antennas, config.output.interval_s, args.window, args.quiet)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
-    let inputs =
-        [args.config.clone(), folder.join(config.antennas.file()?), folder.join(&config.imu.file)];
-    let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let mut rows =
         Rows::create(outputs.path(), truth, smooth, source.antenna_names(), args.report)?;
 
