@@ -51,7 +51,7 @@ impl SessionSpan {
     pub(crate) fn gaps(&self) -> Option<(u64, f64)> {
         let interval_ms = 1e3 * self.interval_s()?;
         let gaps = self.steps_ms.iter().filter(|(ms, _)| **ms as f64 > JITTER * interval_ms);
-        let longest_s = gaps.clone().last().map(|(ms, _)| *ms as f64 / 1e3)?;
+        let longest_s = gaps.clone().next_back().map(|(ms, _)| *ms as f64 / 1e3)?;
         Some((gaps.map(|(_, count)| count).sum(), longest_s))
     }
 
