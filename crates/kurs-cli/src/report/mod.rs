@@ -127,9 +127,7 @@ impl Report {
         let mut page = Page::new(words.title);
         self.write_top(&mut page, words);
         self.write_angles(&mut page, &epochs);
-        page.heading("Status, and why epochs are not fixed");
-        let (plot, lines) = plots::status(&epochs);
-        page.time_plot_of_lines(&plot, lines);
+        write_status(&mut page, &epochs);
         self.write_lengths(&mut page, &epochs);
         self.write_residuals(&mut page, &epochs);
         write_satellites(&mut page, &epochs);
@@ -205,11 +203,24 @@ impl Report {
         if has_rms {
             page.time_plot(&plots::residuals(epochs));
         }
-        if !by_signal.is_empty() {
+        if by_signal.iter().any(|signal| !signal.phase_m.is_empty()) {
             page.plot(&plots::phase_residuals(&by_signal));
+        }
+        if by_signal.iter().any(|signal| !signal.code_m.is_empty()) {
             page.plot(&plots::code_residuals(&by_signal));
         }
     }
+}
+
+fn write_status(page: &mut Page, epochs: &Epochs) {
+    if let Some(only) = plots::only_status(epochs) {
+        page.heading("Status");
+        page.paragraph(&format!("Every epoch is {only}."));
+        return;
+    }
+    page.heading("Status, and why epochs are not fixed");
+    let (plot, lines) = plots::status(epochs);
+    page.time_plot_of_lines(&plot, lines);
 }
 
 fn write_satellites(page: &mut Page, epochs: &Epochs) {

@@ -94,12 +94,22 @@ pub(super) fn error(epochs: &Epochs, k: usize, name: &str) -> Plot {
     plot
 }
 
-/// A line for every status and reason that occurs, and their number.
-pub(super) fn status(epochs: &Epochs) -> (Plot, usize) {
-    let label = |sample: &Sample| match sample.reason {
+/// Status and reason.
+fn label(sample: &Sample) -> String {
+    match sample.reason {
         "" => sample.status.word().to_owned(),
         reason => format!("{}: {reason}", sample.status.word()),
-    };
+    }
+}
+
+/// The status that all epochs have, where it is one.
+pub(super) fn only_status(epochs: &Epochs) -> Option<String> {
+    let first = label(epochs.samples.first()?);
+    epochs.samples.iter().all(|sample| label(sample) == first).then_some(first)
+}
+
+/// A line for every status and reason that occurs, and their number.
+pub(super) fn status(epochs: &Epochs) -> (Plot, usize) {
     let mut plot = epochs.clock.plot("");
     let mut lines = BTreeSet::new();
     for status in Status::ALL {
