@@ -10,7 +10,9 @@ use crate::Cli;
 use crate::failure::ExitCode;
 use crate::output::OutputFolder;
 
-/// Prints the completions of a shell: of bash, `kurs completions bash > ~/.local/share/bash-completion/completions/kurs`.
+/// Prints the completions of a shell.
+///
+/// Of bash: kurs completions bash > ~/.local/share/bash-completion/completions/kurs
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompletionsArgs {
     /// The shell.

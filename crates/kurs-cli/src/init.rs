@@ -205,8 +205,9 @@ fn names(bands: &BTreeSet<Band>) -> Vec<String> {
     bands.iter().map(ToString::to_string).collect()
 }
 
-/// Paths as TOML: relative where they are inside the configuration's folder.
+/// Paths as TOML: relative where they are inside the configuration's folder (a printed one's is this).
 fn list(files: &[PathBuf], out: &Path) -> toml::Value {
+    let out = if out.as_os_str() == "-" { Path::new(".") } else { out };
     let folder = std::path::absolute(out).unwrap_or_default();
     let of = |file: &PathBuf| {
         let whole = std::path::absolute(file).unwrap_or_else(|_| file.clone());

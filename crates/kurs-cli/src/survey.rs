@@ -23,8 +23,9 @@ use crate::solve::{Input, antenna_names};
 /// What a run may leave in its folder.
 const OUTPUTS: &[&str] = &["array.toml", "survey.json", "report.html"];
 
-/// Antenna positions of an array from its own data, at rest or moving; positions that the configuration has
-/// are not used, only compared.
+/// Antenna positions of an array from its own data, at rest or moving.
+///
+/// Positions that the configuration has are not used, only compared.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
