@@ -233,22 +233,12 @@ impl Summary {
         (self.capable > 0).then(|| self.fixed() as f64 / self.capable as f64)
     }
 
-    /// Name and value of both shares, each with what it is a share of.
-    fn shares(&self) -> Vec<[String; 2]> {
-        let percent = |share: f64, of: &str| format!("{:.2} % of {of}", 100.0 * share);
-        let session = self.fixed_of_session().map(|share| {
-            let gaps = match self.span.missing() {
-                0 => String::new(),
-                missing => format!(", {missing} of them in gaps that no antenna has"),
-            };
-            let of = format!("{} epochs{gaps}", self.span.epochs());
-            ["fixed of the session".to_owned(), percent(share, &of)]
-        });
-        let capable = self.fixed_of_capable().map(|share| {
-            let of = format!("{} epochs {}", self.capable, self.capable_means);
-            ["fixed of the usable epochs".to_owned(), percent(share, &of)]
-        });
-        session.into_iter().chain(capable).collect()
+    /// Both shares of fixed rows, each with the number of epochs that it is a share of.
+    fn shares(&self) -> [(&'static str, Option<f64>, u64); 2] {
+        [
+            ("fixed of the session", self.fixed_of_session(), self.span.epochs()),
+            ("fixed of the usable epochs", self.fixed_of_capable(), self.capable),
+        ]
     }
 
     /// Everything for the file.
@@ -294,7 +284,14 @@ impl Summary {
                 rows.push([status.word().to_owned(), self.count(status).to_string()]);
             }
         }
-        rows.extend(self.shares());
+        if self.span.missing() > 0 {
+            rows.push(["in gaps".to_owned(), self.span.missing().to_string()]);
+        }
+        for (name, share, of) in self.shares() {
+            if let Some(share) = share {
+                rows.push([name.to_owned(), format!("{:.2} % of {of}", 100.0 * share)]);
+            }
+        }
         rows
     }
 
@@ -318,7 +315,16 @@ impl Summary {
             self.count(Status::Inconsistent),
             self.count(Status::NotCapable),
         )];
-        lines.extend(self.shares().into_iter().map(|[name, value]| format!("{name}: {value}")));
+        let gaps = match self.span.missing() {
+            0 => String::new(),
+            missing => format!(", {missing} of them in gaps that no antenna has"),
+        };
+        let capable = format!(" {}", self.capable_means);
+        for ((name, share, of), which) in self.shares().into_iter().zip([gaps, capable]) {
+            if let Some(share) = share {
+                lines.push(format!("{name}: {:.2} % of {of} epochs{which}", 100.0 * share));
+            }
+        }
         if !self.by_reason.is_empty() {
             let mut reasons: Vec<_> = self.reasons().into_iter().collect();
             reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));

@@ -1,6 +1,9 @@
 //! `kurs inspect` as a user runs it: what is in the small files of the project.
 #![allow(clippy::unwrap_used)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -180,13 +183,7 @@ fn json_goes_to_a_file_and_never_over_an_input() {
 /// The sky of a recording: what stood high was observed.
 #[test]
 fn sky_of_a_recording() {
-    let data = std::env::var_os("KURS_DATA")
-        .map_or(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let folder = data.join("upc2011");
-    if !folder.is_dir() {
-        println!("skipped: no recordings in {}", data.display());
-        return;
-    }
+    let Some(folder) = outside::recording("upc2011") else { return };
     let [obs, nav] = ["UPC10770.11o", "brdc0770.11n"].map(|name| folder.join(name));
     let report = &json(&[obs.to_str().unwrap(), &format!("--nav={}", nav.display())])[0];
     let sky = &report["sky"];

@@ -1,6 +1,9 @@
 //! Receiver logs against `convbin` of RTKLIB: the same observations, or a reason why not.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -45,7 +48,7 @@ fn convbin(log: &Path, format: &str, folder: &Path) -> Option<Signals> {
     match run {
         Ok(_) => Some(signals(&output)),
         Err(error) => {
-            println!("skipped: convbin: {error}");
+            outside::skipped(&format!("convbin: {error}"));
             None
         }
     }
@@ -53,12 +56,7 @@ fn convbin(log: &Path, format: &str, folder: &Path) -> Option<Signals> {
 
 /// The recording of a u-blox F9T, unpacked; `None` where there are no recordings.
 fn f9t_log(folder: &Path) -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("KURS_DATA").map_or(default, PathBuf::from);
-    let Ok(packed) = std::fs::File::open(data.join("formats/F9T-L2-5min.ubx.gz")) else {
-        println!("skipped: no recordings in {}", data.display());
-        return None;
-    };
+    let packed = std::fs::File::open(outside::recording("formats/F9T-L2-5min.ubx.gz")?).unwrap();
     let mut bytes = Vec::new();
     flate2::read::GzDecoder::new(packed).read_to_end(&mut bytes).unwrap();
     let log = folder.join("f9t.ubx");

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use kurs::engine::Constraint;
+use kurs::engine::{Ambiguities, Constraint};
 use kurs::signal::{Band, System};
 use kurs::solution::{Reason, SignalResidual, Status};
 
@@ -153,10 +153,14 @@ impl Patient<'_> {
         shared.sort_unstable();
         let median = *shared.get(shared.len() / 2)?;
         let mask_deg = self.settings.elevation_mask_rad.to_degrees();
-        (median < FEW_SATELLITES).then(|| Finding {
+        let too_few = trials.configured.share_of_reason("few_satellites");
+        (median < FEW_SATELLITES || too_few > MANY).then(|| Finding {
             code: "few_satellites",
             cause: "few satellites are shared by the antennas".into(),
-            evidence: format!("{median} in the median epoch, above {mask_deg:.0}°"),
+            evidence: format!(
+                "{median} in the median epoch, above {mask_deg:.0}°; too few in {:.0} % of the epochs",
+                100.0 * too_few
+            ),
             advice: "lower `elevation_mask_deg`, use every system, free the antennas' view".into(),
         })
     }
@@ -174,7 +178,10 @@ impl Patient<'_> {
         if self.settings.constraint == Constraint::None {
             advice.push("give the antennas' positions: known geometry is worth a band");
         }
-        advice.push("set `ambiguity = \"continuous\"`, which gathers strength over time");
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            advice.push("set `ambiguity = \"continuous\"`, which gathers strength over time");
+        }
+        advice.push("use receivers with more bands and systems");
         Some(Finding {
             code: "weak_model",
             cause: "the observations are too weak to be sure of the integers".into(),

@@ -23,7 +23,9 @@ pub(super) fn findings(
         all.extend(patient.times(sample, trials));
         all.extend(presence::gaps(sample));
         all.extend(patient.ephemerides(sample, trials));
-        all.extend(patient.bands(sample));
+        let bands = patient.bands(sample);
+        let has_bands = bands.is_none();
+        all.extend(bands);
         let shape = shape::wrong(patient, sample, trials);
         let is_misshapen = shape.is_some();
         all.extend(shape);
@@ -34,7 +36,9 @@ pub(super) fn findings(
         all.extend(patient.antenna(trials));
         all.extend(causes::phases(signals));
         all.extend(patient.noise(trials, is_misshapen));
-        all.extend(patient.satellites(trials));
+        if has_bands {
+            all.extend(patient.satellites(trials));
+        }
         if all.is_empty() {
             all.extend(patient.strength(trials));
         }

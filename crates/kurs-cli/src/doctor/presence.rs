@@ -116,10 +116,7 @@ pub(super) fn one_recording(names: &[String], sample: &Sample) -> Option<Finding
     let (first, second) = (&names[first], &names[second]);
     Some(Finding {
         code: "one_recording",
-        cause: format!(
-            "antennas {first} and {second} have the same observations: their baseline is zero and has \
-             no heading"
-        ),
+        cause: sample.copies.text(names)?,
         evidence: format!("code and phase of every common signal are equal in {epochs} epochs"),
         advice: format!("give {first} and {second} files of two receivers on two antennas"),
     })

@@ -25,11 +25,10 @@ const BACKWARDS: f64 = -0.9;
 
 /// What is wrong with the shape of the array.
 pub(super) fn wrong(patient: &Patient<'_>, sample: &Sample, trials: &Trials) -> Option<Finding> {
-    let array = patient.array;
     if let Some(zero) = zero_baseline(patient, trials) {
         return Some(zero);
     }
-    let array = array?;
+    let array = patient.array?;
     if let Some(mirrored) = trials.mirrored.as_ref().and_then(|trial| mirrored(trial, trials)) {
         return Some(mirrored);
     }
