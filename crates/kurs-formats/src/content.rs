@@ -2,7 +2,11 @@
 
 use core::fmt;
 
+use std::path::Path;
+
 use crate::logs::frames::{self, Protocol};
+use crate::logs::start;
+use crate::source::{ReadError, Source};
 
 /// The content of a file as its first bytes show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -73,6 +77,23 @@ impl Content {
                 (_, false) => Self::Noise,
             }
         })
+    }
+
+    /// Judges a file; one that begins with sentences of NMEA is looked through for messages with
+    /// observations.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`] if it cannot be read.
+    pub fn of_file(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        let mut source = Source::open(&path)?;
+        match Self::of(source.start(Self::ENOUGH)?) {
+            Self::Nmea => {
+                let start = start::look(&mut Source::open(path)?, None, None)?;
+                Ok(start.observing.map_or(Self::Nmea, Self::of_protocol))
+            }
+            content => Ok(content),
+        }
     }
 
     /// Whether this is a receiver log: binary messages, observations and ephemerides among them.

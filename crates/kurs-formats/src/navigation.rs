@@ -21,6 +21,8 @@ pub struct ReadSummary {
     pub read_past: BTreeMap<String, usize>,
     /// What could not be used.
     pub damage: DamageLog,
+    /// Bytes of a log that are no whole message: reading its observations finds them too.
+    pub framing: DamageLog,
 }
 
 /// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, SP3 a to d,

@@ -98,11 +98,16 @@ impl ObservationSource {
         if matches!(content, Content::RinexObservation | Content::CompactRinex) {
             return Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)));
         }
-        let Some(found) = content.protocol() else {
+        let found = content.protocol();
+        if found.is_none() && content != Content::Nmea {
+            return Err(source.wrong_content(content.to_string(), EXPECTED));
+        }
+        let near = options.near(source.name());
+        let start = look(&mut source, options.chosen_protocol(), near)?;
+        // Sentences of NMEA may stand in front of a log for long.
+        let Some(found) = found.or(start.found.filter(|_| start.observing.is_some())) else {
             return Err(source.wrong_content(content.to_string(), EXPECTED));
         };
-        let near = options.near(source.name());
-        let start = look(&mut source, options.protocol, near)?;
         Ok(Self::Log(Box::new(LogReader::new(source, found, options, start)?)))
     }
 

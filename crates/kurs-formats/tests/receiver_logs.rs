@@ -731,6 +731,12 @@ fn the_protocol_with_the_observations_counts() {
         }
     };
     assert!(error.contains("u-blox") && error.contains("`protocol`"), "{error}");
+    // A station chooses its protocol, wherever the other one's messages are.
+    let source = Source::new(std::io::Cursor::new([ubx, rtcm.concat()].concat()), "log").unwrap();
+    let options = LogOptions { station: Some(9), ..LogOptions::default() };
+    let mut source = ObservationSource::from_source_with(source, &options).unwrap();
+    assert!(source.next_epoch(&mut epoch).unwrap());
+    assert_eq!(epoch, wanted[0]);
     for name in ["ubx", "rtcm3"] {
         let mut source = open(Some(name));
         let mut count = 0;

@@ -139,10 +139,11 @@ impl GpsTime {
         self.nanoseconds.div_euclid(NS_PER_WEEK)
     }
 
-    /// Seconds of the GPS week, `0 ≤ tow_s < 604800`.
+    /// Seconds of the GPS week, `0 ≤ tow_s < 604800`: the nearest number, so that whole seconds are
+    /// whole (a quotient rounds once, a product with 1e-9 twice).
     #[must_use]
     pub const fn tow_s(self) -> f64 {
-        self.nanoseconds.rem_euclid(NS_PER_WEEK) as f64 * 1e-9
+        self.nanoseconds.rem_euclid(NS_PER_WEEK) as f64 / NS_PER_S as f64
     }
 
     /// Date and time of day on the GPS scale.
@@ -337,6 +338,15 @@ mod tests {
         assert_eq!(GpsTime::from_week_tow(2300, 604_800.0), None);
         assert_eq!(GpsTime::from_week_tow(2300, f64::NAN), None);
         assert_eq!(GpsTime::from_week_tow(i32::MAX, 0.0), None);
+    }
+
+    /// 118 800 s, Monday 09:00, is one of the products with 1e-9 that miss their whole number.
+    #[test]
+    fn whole_seconds_of_the_week_are_whole() {
+        for second in (0..604_800).step_by(8) {
+            let tow_s = f64::from(second);
+            assert_eq!(GpsTime::from_week_tow(2300, tow_s).unwrap().tow_s(), tow_s);
+        }
     }
 
     #[test]

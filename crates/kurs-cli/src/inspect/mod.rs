@@ -10,13 +10,14 @@ mod sky;
 mod text;
 mod timeline;
 
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use kurs::ephemeris::NavigationData;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::content::Content;
-use kurs_formats::damage::Damage;
+use kurs_formats::damage::{Damage, DamageLog};
 use kurs_formats::logs::{self, Census, LogOptions, LogPart};
 use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
@@ -101,6 +102,8 @@ struct Known {
     options: LogOptions,
     /// Which epochs count.
     window: Window,
+    /// What could not be used, or disagrees, among the ephemerides in logs.
+    log_damage: BTreeMap<PathBuf, DamageLog>,
 }
 
 /// Noon of a day.
@@ -195,19 +198,22 @@ fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
     let mut logs = Vec::new();
     for file in files {
         // A file that cannot be read is told of where it is reported.
-        let Ok(mut source) = Source::open(file) else { continue };
-        match source.start(Content::ENOUGH).map(Content::of) {
-            Ok(content) if content.is_log() => logs.push(source),
+        match Content::of_file(file) {
+            Ok(content) if content.is_log() => logs.push(*file),
             Ok(Content::RinexNavigation | Content::Sp3) => {
+                let Ok(mut source) = Source::open(file) else { continue };
                 let _ = kurs_formats::navigation::read(&mut source, &mut data);
             }
             _ => {}
         }
     }
     let navigation_time = middle_time(&data);
-    for mut source in logs {
+    let mut log_damage = BTreeMap::new();
+    for file in logs {
+        let Ok(mut source) = Source::open(file) else { continue };
         let near = args.date.or(navigation_time);
-        let _ = kurs_formats::navigation::read_near(&mut source, near, &mut data);
+        let read = kurs_formats::navigation::read_near(&mut source, near, &mut data);
+        log_damage.extend(read.ok().map(|summary| (file.to_owned(), summary.damage)));
     }
     let options = LogOptions {
         approximate_time: args.date,
@@ -215,13 +221,13 @@ fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
         any_week: true,
         ..LogOptions::default()
     };
-    Ok(Known { navigation: data, options, window: args.window })
+    Ok(Known { navigation: data, options, window: args.window, log_damage })
 }
 
 /// The report on a file; on a log of several stations or antennas one for each of them.
 fn inspect(file: &Path, known: &Known) -> Result<Vec<Report>, ReadError> {
     let mut source = Source::open(file)?;
-    let content = Content::of(source.start(Content::ENOUGH)?);
+    let content = Content::of_file(file)?;
     let observations = |part: Option<LogPart>, messages: Option<&Census>| {
         let report = observations::inspect(file, &content, part, messages, known)?;
         Ok(Report::Observations(Box::new(report)))

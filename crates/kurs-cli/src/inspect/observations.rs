@@ -139,7 +139,7 @@ pub(super) fn inspect(
     content: &Content,
     part: Option<LogPart>,
     census: Option<&Census>,
-    Known { navigation, options, window }: &Known,
+    Known { navigation, options, window, log_damage }: &Known,
 ) -> Result<ObservationReport, ReadError> {
     let chosen = part.map(LogPart::options).unwrap_or_default();
     let options = LogOptions {
@@ -177,6 +177,12 @@ pub(super) fn inspect(
     if !is_dated {
         oddities.push("the week is not known: give --date or --nav".into());
     }
+    let (mut damage, mut damage_count) = (source.damage().to_vec(), source.damage_count());
+    if let Some(of_ephemerides) = census.and_then(|_| log_damage.get(file)) {
+        damage.extend_from_slice(of_ephemerides.listed());
+        damage.sort_by_key(|damage| damage.line);
+        damage_count += of_ephemerides.total();
+    }
     Ok(ObservationReport {
         file: source.name().to_owned(),
         part: part.map(|part| part.to_string()),
@@ -194,7 +200,7 @@ pub(super) fn inspect(
         sky,
         damage: DamageReport {
             unit: if is_log { "byte" } else { "line" },
-            ..DamageReport::new(source.damage(), source.damage_count())
+            ..DamageReport::new(&damage, damage_count)
         },
     })
 }

@@ -161,12 +161,8 @@ impl fmt::Display for FoundFiles {
     }
 }
 
-fn content(path: &Path) -> Result<Content, ReadError> {
-    Ok(Content::of(Source::open(path)?.start(Content::ENOUGH)?))
-}
-
 fn is_log(path: &Path) -> Result<bool, ReadError> {
-    content(path).map(|content| content.is_log())
+    Content::of_file(path).map(|content| content.is_log())
 }
 
 fn purpose(path: &Path) -> anyhow::Result<Purpose> {
@@ -174,7 +170,7 @@ fn purpose(path: &Path) -> anyhow::Result<Purpose> {
     if path.extension().is_some_and(|extension| extension == "toml") {
         return Ok(Purpose::Configuration);
     }
-    Ok(match content(path)? {
+    Ok(match Content::of_file(path)? {
         Content::Text(_) => Purpose::Configuration,
         Content::RinexObservation | Content::CompactRinex => Purpose::Observations(Vec::new()),
         Content::RinexNavigation | Content::Sp3 => Purpose::Navigation,

@@ -57,10 +57,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
         // What is read here is gone from a pipe.
-        if !files.contains(&path)
-            && can_be_read_again(&path)
-            && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
-        {
+        if !files.contains(&path) && can_be_read_again(&path) && Content::of_file(&path)?.is_log() {
             files.push(path);
         }
     }
@@ -72,11 +69,10 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let mut source = Source::open(path)?;
         let near = loaded.approximate_time();
         let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
-        // Damage of an observation log is found again with the observations.
-        if index < given_count {
-            let entries = summary.damage.listed().iter();
-            damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
-        }
+        // What is no message in an observation log is found again with the observations.
+        let framing = if index < given_count { summary.framing.listed() } else { &[] };
+        let entries = framing.iter().chain(summary.damage.listed());
+        damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
     }
     if navigation.ephemerides.is_empty() {
         bail!("no usable ephemeris in {}: {SOURCES_OF_EPHEMERIDES}", names(&files));

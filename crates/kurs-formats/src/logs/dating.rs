@@ -136,9 +136,9 @@ impl Dating {
 
     /// Whether more messages would not change the answer.
     pub(crate) fn is_settled(&self) -> bool {
-        let total: u32 = self.whole.values().sum();
-        let most = self.whole.values().copied().max().unwrap_or(0);
-        self.clock.is_some() && self.is_weekly && most >= ENOUGH && total - most < most / 2
+        let total: u32 = self.whole.values().chain(self.ten_bits.values()).sum();
+        let most = self.voices().max().map_or(0, |(count, _)| count);
+        self.is_weekly && most >= ENOUGH && total - most < most / 2
     }
 
     /// Where the log begins (without observations some days around it); `None` if nothing in it tells
@@ -157,14 +157,68 @@ impl Dating {
         Some(Begin { time, is_weekly: self.is_weekly })
     }
 
-    /// What most say; of several the latest, because what is stale is old.
-    fn weeks(&self) -> Option<i64> {
+    /// How many say that the clock must be put ahead by so many weeks. Ten bits support every whole
+    /// week that ends with them, and stand for themselves where there is none.
+    fn voices(&self) -> impl Iterator<Item = (u32, i64)> {
         let supported = |weeks: i64| {
             let same = |(other, _): &(&i64, &u32)| (weeks - **other).rem_euclid(TEN_BITS) == 0;
             self.ten_bits.iter().filter(same).map(|(_, count)| *count).sum::<u32>()
         };
-        let whole = self.whole.iter().map(|(weeks, count)| (count + supported(*weeks), *weeks));
-        let ten_bits = self.ten_bits.iter().map(|(weeks, count)| (*count, *weeks));
-        whole.max().or_else(|| ten_bits.max()).map(|(_, weeks)| weeks)
+        let whole =
+            self.whole.iter().map(move |(weeks, count)| (count + supported(*weeks), *weeks));
+        whole.chain(self.ten_bits.iter().map(|(weeks, count)| (*count, *weeks)))
+    }
+
+    /// What most say; of several the latest, because what is stale is old.
+    fn weeks(&self) -> Option<i64> {
+        self.voices().max().map(|(_, weeks)| weeks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kurs::signal::System;
+
+    /// A GPS message of Monday noon.
+    const NOON: ObservationHeader =
+        ObservationHeader { system: System::Gps, station: 0, epoch_time: 129_600_000 };
+
+    fn at(week: i32) -> GpsTime {
+        GpsTime::from_week_tow(week, 129_600.0).unwrap()
+    }
+
+    /// The week in which a log begins that tells these weeks before and behind its observations.
+    fn week(before: &[(i32, Told)], behind: &[(i32, Told)]) -> Option<i64> {
+        let mut dating = Dating::new(None);
+        before.iter().for_each(|(week, how)| dating.told(at(*week) + 7200.0, *how));
+        dating.observed(&NOON);
+        behind.iter().for_each(|(week, how)| dating.told(at(*week) + -7200.0, *how));
+        dating.begin().map(|begin| begin.time.week())
+    }
+
+    #[test]
+    fn the_majority_tells_the_week() {
+        use Told::{TenBits, Whole};
+        assert_eq!(week(&[], &[]), None);
+        assert_eq!(week(&[(2100, Whole)], &[(2300, Whole), (2300, Whole)]), Some(2300));
+        assert_eq!(week(&[(2100, Whole), (2300, Whole)], &[]), Some(2300), "the stale one is old");
+        // Ten bits outvote one whole week, and support one.
+        assert_eq!(week(&[(2100, Whole)], &[(2300, TenBits), (2300, TenBits)]), Some(2300));
+        assert_eq!(week(&[(1276, Whole), (2400, Whole)], &[(2300, TenBits)]), Some(1276));
+        assert_eq!(week(&[(2310, TenBits)], &[]), Some(2310));
+    }
+
+    #[test]
+    fn a_clear_majority_is_enough() {
+        let mut dating = Dating::new(None);
+        dating.observed(&NOON);
+        dating.told(at(2100), Told::Whole);
+        for _ in 0..5 {
+            dating.told(at(2300), Told::TenBits);
+            assert!(!dating.is_settled());
+        }
+        dating.told(at(2300), Told::TenBits);
+        assert!(dating.is_settled());
     }
 }

@@ -27,7 +27,7 @@ pub(crate) fn read(
     let mut collector = Collector::default();
     let mut rtcm = RtcmEphemerides::new(near);
     let mut near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
-    while let Some(frame) = scanner.next(source, &mut summary.damage)? {
+    while let Some(frame) = scanner.next(source, &mut summary.framing)? {
         rtcm.dating.take(&frame);
         let Frame { protocol, body, offset } = frame;
         let taken = match protocol {

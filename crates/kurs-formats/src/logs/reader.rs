@@ -74,17 +74,17 @@ impl LogReader {
         const DATE: &str = "a message that does (1019, 1020, 1042, 1044, 1045 or 1046), navigation \
             files or a file name of the time, or the key `approximate_time`, a time within three days \
             of the log";
-        let observing = start.protocol.unwrap_or(found);
-        if options.antenna.is_some() && options.protocol.unwrap_or(observing) != Protocol::Sbf {
+        let found = start.found.unwrap_or(found);
+        let protocol = start.observing.or(options.protocol).unwrap_or(found);
+        if options.antenna.is_some() && protocol != Protocol::Sbf {
             let antenna =
                 "Septentrio blocks (SBF), because `antenna_id` chooses one of their antennas";
-            return Err(source.wrong_content(observing.to_string(), antenna));
+            return Err(source.wrong_content(found.to_string(), antenna));
         }
-        if options.station.is_some() && options.protocol.unwrap_or(observing) != Protocol::Rtcm3 {
+        if options.station.is_some() && protocol != Protocol::Rtcm3 {
             let station = "RTCM 3 messages, because `station_id` chooses one of their stations";
-            return Err(source.wrong_content(observing.to_string(), station));
+            return Err(source.wrong_content(found.to_string(), station));
         }
-        let protocol = options.protocol.unwrap_or(observing);
         let mut damage = DamageLog::default();
         let begin = begin(source.name(), options, start, &mut damage);
         let is_dated = protocol != Protocol::Rtcm3 || begin.is_some();

@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     fn header(system: System, epoch_time: u64) -> ObservationHeader {
-        ObservationHeader { system, epoch_time, station: 0, is_legacy: false }
+        ObservationHeader { system, epoch_time, station: 0 }
     }
 
     #[test]

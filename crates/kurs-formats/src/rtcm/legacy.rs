@@ -60,7 +60,7 @@ impl Layout {
 
 /// What is remembered from one epoch to the next.
 #[derive(Debug, Default)]
-pub(crate) struct Memory {
+pub(super) struct Memory {
     locks: LockTimes,
     /// Phase less range in cycles, and the cycles that were put on it.
     unwrapped: BTreeMap<(Satellite, Signal), f64>,
