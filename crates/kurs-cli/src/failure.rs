@@ -1,9 +1,27 @@
 //! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration; 3 it ran, but
 //! nothing was fixed, or less than is required.
 
-use std::process::ExitCode;
-
 use crate::summary::Summary;
+
+/// The exit status of a command, as a number that a caller inside the process can read too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ExitCode(u8);
+
+impl ExitCode {
+    /// Done.
+    pub(crate) const SUCCESS: Self = Self(0);
+
+    /// As the operating system gets it.
+    pub(crate) const fn number(self) -> u8 {
+        self.0
+    }
+}
+
+impl From<u8> for ExitCode {
+    fn from(number: u8) -> Self {
+        Self(number)
+    }
+}
 
 /// How much must be fixed for exit status 0.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]

@@ -37,6 +37,24 @@ impl SessionSpan {
         self.first
     }
 
+    /// Time of the last row.
+    pub(crate) fn last(&self) -> Option<GpsTime> {
+        self.last
+    }
+
+    /// Whether epochs are missing between two rows that are so far apart, s, as far as is known.
+    pub(crate) fn is_gap(&self, step_s: f64) -> bool {
+        self.interval_s().is_some_and(|interval_s| step_s > JITTER * interval_s)
+    }
+
+    /// How many gaps there are, and the longest, s; `None` without any.
+    pub(crate) fn gaps(&self) -> Option<(u64, f64)> {
+        let interval_ms = 1e3 * self.interval_s()?;
+        let gaps = self.steps_ms.iter().filter(|(ms, _)| **ms as f64 > JITTER * interval_ms);
+        let longest_s = gaps.clone().next_back().map(|(ms, _)| *ms as f64 / 1e3)?;
+        Some((gaps.map(|(_, count)| count).sum(), longest_s))
+    }
+
     /// Regular time from epoch to epoch, s; `None` before there were two.
     pub(crate) fn interval_s(&self) -> Option<f64> {
         let steps = || self.steps_ms.iter().filter(|(step_ms, _)| **step_ms > 0);

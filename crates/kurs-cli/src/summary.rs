@@ -8,6 +8,7 @@ use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Reason, 
 use kurs::time::GpsTime;
 use serde::Serialize;
 
+use crate::quality::Quality;
 use crate::session_span::SessionSpan;
 
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
@@ -27,6 +28,8 @@ pub(crate) struct Summary {
     capable: u64,
     capable_means: &'static str,
     first_fix: Option<GpsTime>,
+    is_interrupted: bool,
+    quality: Quality,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
     /// Sum of the variances that the survey of the antennas causes in each angle, rad².
@@ -100,6 +103,7 @@ pub(crate) struct SummaryFile<'a> {
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
+    interrupted: bool,
     installation_sd_deg: InstallationSd,
 }
 
@@ -123,11 +127,18 @@ impl Summary {
             capable: 0,
             capable_means: "in which two antennas share four satellites",
             first_fix: None,
+            is_interrupted: false,
+            quality: Quality::default(),
             angles: Default::default(),
             installation_rad2: [0.0; 3],
             turned: MeanDirection::default(),
             baselines: BTreeMap::new(),
         }
+    }
+
+    /// The run ended before its input.
+    pub(crate) fn interrupt(&mut self) {
+        self.is_interrupted = true;
     }
 
     /// The same where a row needs something else to be fixed: "epochs …".
@@ -139,6 +150,7 @@ impl Summary {
     /// Takes one row into account; `capable`: it had enough input to be fixed.
     pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool) {
         self.epochs += 1;
+        self.quality.add(row);
         *self.by_status.entry(row.status).or_default() += 1;
         if let Some(reason) = row.reason {
             *self.by_reason.entry(reason).or_default() += 1;
@@ -281,6 +293,7 @@ impl Summary {
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
+            interrupted: self.is_interrupted,
             installation_sd_deg: self.installation_sd_deg(),
         }
     }
@@ -341,7 +354,10 @@ impl Summary {
                 reasons.iter().map(|(word, count)| format!("{word} {count}")).collect();
             lines.push(format!("not fixed because: {}", words.join(", ")));
         }
-        for m in self.moments() {
+        lines.extend(self.quality.lines(&self.span));
+        // Where a body turns, its angles and the directions of its baselines have no mean; lengths have.
+        let is_turning = self.quality.is_turning(self.angles[0].std());
+        for m in self.moments().iter().filter(|m| !is_turning || m.name.ends_with("length_m")) {
             lines.push(format!("{:<24} mean {:>11}  std {:>9.4}", m.name, m.mean_text(), m.std));
         }
         lines.join("\n")

@@ -17,14 +17,16 @@ mod usage;
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use kurs_formats::source::can_be_read_again;
 use serde::Serialize;
 
-use crate::output;
-use crate::solve::config::{self, Loaded, Overrides};
-use crate::solve::{Input, antenna_names, check_given};
+use crate::failure::ExitCode;
+use crate::output::{self, OutputFolder};
+use crate::page::Page;
+use crate::solve::config::Loaded;
+use crate::solve::session_args::SessionArgs;
+use crate::solve::{Input, antenna_names};
 use crate::summary::Damage;
 use patient::{Finding, Patient};
 use sample::Sample;
@@ -41,24 +43,27 @@ const MAX_EPOCHS_IN_PASSING: usize = 100;
 /// Says in words why there is no fix, and what to change.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file (TOML) as for `kurs solve`; not needed with --antenna and --nav.
-    config: Option<PathBuf>,
-    /// An antenna: its name, observation file, and place on the body (m: forward, right, down).
-    #[arg(long, value_name = "NAME=OBS[#ID][@X,Y,Z]")]
-    antenna: Vec<String>,
-    /// Navigation files.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
-    nav: Vec<PathBuf>,
-    /// Sets a key of the table `solve`, or `table.key`.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    session: SessionArgs,
     /// Folder for doctor.json.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/doctor")]
     out: PathBuf,
     /// Lists every satellite, band and antenna, not only the sums.
     #[arg(long)]
     signals: bool,
+    /// Writes report.html: the findings on one page.
+    #[arg(long)]
+    report: bool,
+    /// Prints doctor.json in place of the text.
+    #[arg(long)]
+    json: bool,
+    /// No text.
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["doctor.json", "report.html"];
 
 /// What was found in a session.
 struct Examination {
@@ -83,12 +88,9 @@ struct File<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    check_given(args.config.as_deref(), &args.antenna)?;
-    let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
-    let loaded = config::load(args.config.as_deref(), &overrides)?;
-    let examination = examine(&loaded, MAX_EPOCHS)?;
-    let names = antenna_names(&loaded);
-    print!("{}", examination.text(&names, args.signals));
+    let session = args.session.load()?;
+    let examination = examine(&session.loaded, MAX_EPOCHS)?;
+    let told = examination.text(&antenna_names(&session.loaded), args.signals);
     let Examination { sample, trials, signals, findings } = &examination;
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
@@ -99,7 +101,26 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         trials: trials.as_ref().map_or_else(Vec::new, Trials::rows),
         signals,
     };
-    output::write_json(&args.out, "doctor.json", &file)?;
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
+    output::write_json(folder.path(), "doctor.json", &file)?;
+    if args.report {
+        let mut page = Page::new("Kurs: why there is no fix");
+        for Finding { cause, evidence, advice, .. } in findings {
+            page.heading(cause);
+            page.paragraph(evidence);
+            page.paragraph(advice);
+        }
+        page.heading("What was tried");
+        page.columns(&told);
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+    }
+    folder.publish()?;
+    match (args.json, args.quiet) {
+        (true, _) => println!("{}", serde_json::to_string_pretty(&file)?),
+        (false, false) => print!("{told}"),
+        (false, true) => {}
+    }
     Ok(ExitCode::SUCCESS)
 }
 

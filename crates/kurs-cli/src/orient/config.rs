@@ -97,6 +97,11 @@ impl Config {
         AntennaArray::new(positions).map(Some).map_err(|error| UsageError(error.to_string()))
     }
 
+    /// The places of the antennas on the body, where they are given.
+    pub(super) fn places(&self) -> Vec<Option<[f64; 3]>> {
+        self.antenna.iter().map(|antenna| antenna.position_m).collect()
+    }
+
     /// Refuses values that cannot be meant.
     pub(super) fn check(&self) -> Result<(), UsageError> {
         if self.antenna.len() < 2 {

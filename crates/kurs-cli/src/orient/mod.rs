@@ -6,7 +6,6 @@ mod positions;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
@@ -19,12 +18,15 @@ use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
 
 use crate::config_file;
-use crate::failure::{RequiredFix, UsageError};
-use crate::output::{self, OutputFile};
-use crate::progress::Progress;
+use crate::failure::{ExitCode, RequiredFix, UsageError};
+use crate::interrupt::Watch;
+use crate::output::{self, OutputFile, OutputFolder};
+use crate::progress::{Progress, Work};
+use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::table::TableFormat;
 use crate::tables::Tables;
+use crate::window::Window;
 use config::Config;
 use positions::Positions;
 
@@ -38,6 +40,21 @@ const MAX_SD_FACTOR: f64 = 5.0;
 const MIN_SD_FACTOR: f64 = 0.1;
 /// Epochs that are fitted, by all processors, while those before are written.
 const EPOCHS_AT_ONCE: usize = 8192;
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "attitude.csv",
+    "attitude.jsonl",
+    "baselines.csv",
+    "baselines.jsonl",
+    "points.csv",
+    "points.jsonl",
+    "array.toml",
+    "summary.json",
+    "report.html",
+    "track.geojson",
+    "track.kml",
+];
 
 /// Attitude from antenna coordinates that receivers already give.
 #[derive(Debug, clap::Args)]
@@ -58,12 +75,24 @@ pub(crate) struct Args {
     accept_no_checksum: bool,
     #[command(flatten)]
     required_fix: RequiredFix,
+    /// Sets a key of the table `orient`, or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
     /// Folder for the outputs.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/orient")]
     out: PathBuf,
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<TableFormat>,
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
+    /// maps, track.geojson and track.kml.
+    #[arg(long)]
+    report: bool,
+    /// Prints summary.json in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -90,12 +119,17 @@ fn date(text: &str) -> Result<Date, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
+    args.window.check()?;
+    let config: Config = config_file::read_with(&args.config, &args.set, "orient")?;
     config.check()?;
     let given = config.array()?;
     let names = config.names();
+    let inputs = positions::files(&args.positions, &names);
+    let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
     let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
-    let input = positions::read(&args.positions, options, &config)?;
+    let mut input = positions::read(&args.positions, options, &config)?;
+    input.epochs.retain(|epoch| args.window.contains(epoch.time));
     if input.epochs.is_empty() {
         let files = args.positions.join(", ");
         let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
@@ -107,25 +141,44 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let array = match given {
         Some(array) => array,
-        None => estimated_array(&input, &names, &args.out)?,
+        None => estimated_array(&input, &names, folder.path())?,
     };
     let orienter = orienter(args, &config, array, &input)?;
-    let mut outputs = Outputs::create(args, &config)?;
-    outputs.write_all(&orienter, &input.epochs)?;
-    let Outputs { summary, tables, progress } = outputs;
+    let watch = Watch::begin();
+    let mut outputs = Outputs::create(folder.path(), args, &config)?;
+    outputs.write_all(&orienter, &input.epochs, &watch)?;
+    let Outputs { mut summary, tables, progress, report, .. } = outputs;
     let wall_s = progress.finish();
+    if watch.was_interrupted() {
+        summary.interrupt();
+    }
 
     let text = std::fs::read_to_string(&args.config).unwrap_or_default();
     let file = summary.file(&text, &input.damage, wall_s);
-    output::write_json(&args.out, "summary.json", &file)?;
     for tables in tables {
         tables.finish()?;
     }
-    if !args.quiet {
+    if let Some(report) = report {
+        let input = |file: &PathBuf| ["positions".to_owned(), file.display().to_string()];
+        let words = Words {
+            title: "Kurs: attitude from coordinates",
+            inputs: inputs.iter().map(input).collect(),
+            headline: summary.headline(),
+            moments: summary.means(),
+            configuration: text,
+            ephemerides: None,
+        };
+        report.write(folder.path(), &words)?;
+    }
+    output::write_json(folder.path(), "summary.json", &file)?;
+    folder.publish()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&file)?);
+    } else if !args.quiet {
         println!("{}\nwritten to {}", summary.text(), args.out.display());
     }
     if summary.has_solution() {
-        return Ok(args.required_fix.exit_code(&summary));
+        return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     match summary.main_reason() {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
@@ -137,25 +190,34 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 struct Outputs {
     summary: Summary,
     tables: Vec<Tables>,
+    report: Option<Report>,
     progress: Progress,
+    done: usize,
 }
 
 impl Outputs {
-    fn create(args: &Args, config: &Config) -> anyhow::Result<Self> {
+    fn create(folder: &Path, args: &Args, config: &Config) -> anyhow::Result<Self> {
         let points: Vec<String> = config.point.iter().map(|point| point.name.clone()).collect();
         let tables = args
             .format
             .iter()
-            .map(|format| Tables::create(&args.out, *format, config.names(), points.clone()));
+            .map(|format| Tables::create(folder, *format, config.names(), points.clone()));
         Ok(Self {
             summary: Summary::new(config.names()).with_capable("that two antennas have"),
             tables: tables.collect::<anyhow::Result<_>>()?,
-            progress: Progress::start(args.quiet),
+            report: args.report.then(|| Report::new(config.names(), &config.places())),
+            progress: Progress::start(args.quiet, Work::ORIENT),
+            done: 0,
         })
     }
 
     /// Solves all epochs and writes their rows in order.
-    fn write_all(&mut self, orienter: &Orienter, epochs: &[PositionEpoch]) -> anyhow::Result<()> {
+    fn write_all(
+        &mut self,
+        orienter: &Orienter,
+        epochs: &[PositionEpoch],
+        watch: &Watch,
+    ) -> anyhow::Result<()> {
         let mut memory = orienter.memory();
         let mut blocks = epochs.chunks(EPOCHS_AT_ONCE);
         let mut fit_next = || -> Option<Vec<FittedEpoch>> {
@@ -165,23 +227,28 @@ impl Outputs {
         while let Some(block) = fitted {
             let write = || -> anyhow::Result<()> {
                 for epoch in &block {
-                    self.write(&orienter.row(epoch, &mut memory))?;
+                    self.write(&orienter.row(epoch, &mut memory), epochs.len())?;
                 }
                 Ok(())
             };
             let (written, next) = rayon::join(write, &mut fit_next);
             written?;
-            fitted = next;
+            fitted = next.filter(|_| !watch.asks_to_end());
         }
         Ok(())
     }
 
-    fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+    fn write(&mut self, row: &EpochSolution, all: usize) -> anyhow::Result<()> {
         self.summary.add(row, row.antennas >= 2);
         for tables in &mut self.tables {
             tables.write(row)?;
         }
-        self.progress.epoch(row.status == Status::Fixed);
+        if let Some(report) = &mut self.report {
+            report.add(row, None);
+        }
+        self.done += 1;
+        let share = self.done as f64 / all as f64;
+        self.progress.epoch(row.status == Status::Fixed, || Some(share));
         Ok(())
     }
 }

@@ -14,6 +14,7 @@ use kurs_formats::source::Source;
 
 use super::config::Config;
 use crate::failure::UsageError;
+use crate::pipe::InputFile;
 use crate::summary::Damage;
 
 /// All coordinates of a run.
@@ -50,7 +51,8 @@ pub(super) fn read(
     let mut logs: Vec<Log> = Vec::new();
     for (place, argument) in files.iter().enumerate() {
         let (name, path) = split_argument(argument, &names);
-        let mut source = Source::open(&path)?;
+        let file = InputFile::open(&path)?;
+        let mut source = Source::open(file.path())?;
         let mut log = DamageLog::default();
         let start = source.start(Content::ENOUGH)?;
         match Content::of(start) {
@@ -82,6 +84,11 @@ pub(super) fn read(
     positions.states_quality = positions.states_sd || fixes.iter().any(has_quality);
     positions.epochs = epochs(fixes, config);
     Ok(positions)
+}
+
+/// The files of the arguments.
+pub(super) fn files(arguments: &[String], names: &[String]) -> Vec<PathBuf> {
+    arguments.iter().map(|argument| split_argument(argument, names).1).collect()
 }
 
 /// Logs without a position, and why they have none.

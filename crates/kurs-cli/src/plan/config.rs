@@ -249,9 +249,9 @@ impl Settings {
 
 impl ArrayFile {
     /// Reads the file; keys of `[solve]` hold where `[plan]` does not say otherwise.
-    pub(super) fn read(path: &Path) -> Result<Self, UsageError> {
-        let mut file: Self = config_file::read(path)?;
-        let table: toml::Table = config_file::read(path)?;
+    pub(super) fn read(path: &Path, set: &[String]) -> Result<Self, UsageError> {
+        let mut file: Self = config_file::read_with(path, set, "plan")?;
+        let table: toml::Table = config_file::read_with(path, set, "plan")?;
         let is_given = |key: &str| table.get("plan").is_some_and(|plan| plan.get(key).is_some());
         let Self { plan, solve, origins, .. } = &mut file;
         for key in KEYS {

@@ -8,7 +8,6 @@ mod sky;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{anyhow, bail};
@@ -30,7 +29,9 @@ use self::config::ArrayFile;
 use self::improvement::Improvement;
 use self::session::Session;
 use self::sky::Sky;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::{self, OutputFolder};
+use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
@@ -52,15 +53,36 @@ pub(crate) struct Args {
     nav: Vec<PathBuf>,
     /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the first
     /// ephemeris)
-    #[arg(long)]
-    at: Option<String>,
+    #[arg(long, visible_alias = "from", value_name = "TIME", value_parser = parse_time)]
+    at: Option<GpsTime>,
     /// Time span, such as 24h, 90m or 600s
-    #[arg(long = "for", default_value = "24h")]
+    #[arg(long = "for", default_value = "24h", conflicts_with = "to")]
     duration: String,
+    /// GPS time to end with, in place of --for
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    to: Option<GpsTime>,
+    /// Time from epoch to epoch of the plan, s, in place of `step_s`
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    every: Option<f64>,
     /// Folder for plan.json and plan.html
-    #[arg(long, default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/plan")]
     out: PathBuf,
+    /// Sets a key of the table `plan`, or `table.key`
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Writes the page; this command always does
+    #[arg(long)]
+    report: bool,
+    /// Prints plan.json in place of the tables
+    #[arg(long)]
+    json: bool,
+    /// No tables
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["plan.json", "plan.html"];
 
 /// One instant of the plan.
 #[derive(Debug)]
@@ -110,7 +132,8 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut file = ArrayFile::read(&args.array)?;
+    let mut file = ArrayFile::read(&args.array, &args.set)?;
+    file.plan.step_s = args.every.unwrap_or(file.plan.step_s);
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
@@ -124,11 +147,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(session) => Sky::Broadcast(Box::new(session.navigation)),
         None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
     };
-    let start = match &args.at {
-        Some(text) => sky::parse_time(text)?,
-        None => first.unwrap_or_else(|| sky.start()),
+    let start = args.at.or(first).unwrap_or_else(|| sky.start());
+    let duration_s = match args.to {
+        Some(to) if to < start => {
+            return Err(UsageError(format!("--to {to} is before the begin, {start}")).into());
+        }
+        Some(to) => to - start,
+        None => sky::parse_duration_s(&args.duration)?,
     };
-    let epochs = predict(&file, &array, &sky, start, sky::parse_duration_s(&args.duration)?)?;
+    let epochs = predict(&file, &array, &sky, start, duration_s)?;
     notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
         bail!("no epoch from {start} on has satellites enough for an attitude");
@@ -145,10 +172,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         array,
         epochs,
     };
-    report::print(&plan);
-    report::write_json(&plan, &args.out)?;
-    report::write_page(&plan, &args.out)?;
-    println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.array))?;
+    let document = report::document(&plan);
+    output::write_json(folder.path(), "plan.json", &document)?;
+    report::write_page(&plan, folder.path())?;
+    folder.publish()?;
+    if args.json {
+        println!("{document:#}");
+    } else if !args.quiet {
+        report::print(&plan);
+        println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    }
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,6 +1,5 @@
 //! The plan as tables on the terminal, as JSON, and as a page.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
@@ -14,7 +13,6 @@ use serde_json::{Value, json};
 
 use super::improvement::{MARGIN_M, MOVE_M};
 use super::{Answer, Epoch, Plan};
-use crate::output::OutputFile;
 use crate::page::colour::{BLUE, GREEN, ORANGE, VERMILION};
 use crate::page::{Page, laid_out};
 
@@ -67,8 +65,8 @@ pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     page.write(directory, "plan.html")
 }
 
-/// Writes `plan.json`.
-pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
+/// `plan.json`.
+pub(super) fn document(plan: &Plan) -> Value {
     let names = plan.file.names();
     let epochs: Vec<Value> = plan.epochs.iter().map(epoch_json).collect();
     let choices: Vec<Value> = plan
@@ -119,7 +117,7 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
             })
         })
         .collect();
-    let document = json!({
+    json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sky": plan.sky,
         "notes": plan.notes,
@@ -133,10 +131,7 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
         "improvement": improvement,
         "graph": graph_name(plan.file.plan.graph()),
         "choices": choices,
-    });
-    let mut file = OutputFile::create(directory, "plan.json")?;
-    writeln!(file, "{document:#}")?;
-    file.finish()
+    })
 }
 
 /// Value and origin of each key that the plan rests on.

@@ -40,7 +40,7 @@ impl Input {
             ..LogOptions::default()
         };
         let antennas = observation_files(loaded, &options);
-        let streams = Streams::open(antennas, station_files(loaded, &options))?;
+        let streams = Streams::open(antennas, station_files(loaded, &options), loaded.window)?;
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
         }

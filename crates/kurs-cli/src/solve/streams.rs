@@ -2,13 +2,15 @@
 //! any antenna has.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
+
+use crate::window::Window;
 
 /// Interval that is assumed while no antenna has shown two epochs, s.
 const UNKNOWN_INTERVAL_S: f64 = 1.0;
@@ -27,6 +29,7 @@ struct Stream {
     reader: SessionReader,
     next: AntennaEpoch,
     has_next: bool,
+    window: Window,
     /// First and last epoch so far.
     span: Option<(GpsTime, GpsTime)>,
 }
@@ -38,26 +41,39 @@ pub(crate) struct Streams {
     station: Option<Stream>,
     /// Shortest time between two epochs of one antenna so far, s.
     interval_s: f64,
+    /// Size of all files; 0 if one of them has none, as a pipe.
+    bytes: u64,
 }
 
 impl Streams {
     /// Opens the files of every antenna, and of the station if there is one, and reads their first
-    /// epochs.
+    /// epochs inside the window.
     pub(crate) fn open(
         antennas: Vec<AntennaFiles>,
         station: Option<AntennaFiles>,
+        window: Window,
     ) -> anyhow::Result<Self> {
+        let files = antennas.iter().chain(&station).flat_map(|antenna| &antenna.files);
+        let sizes: Option<Vec<u64>> = files.map(|file| size(file)).collect();
+        let bytes = sizes.map_or(0, |sizes| sizes.iter().sum());
         let open = |AntennaFiles { name, files, options }: AntennaFiles| {
             let context = || format!("antenna {name}");
             let reader = SessionReader::open_with(&files, options).with_context(context)?;
             let next = AntennaEpoch::default();
-            let mut stream = Stream { name, reader, next, has_next: false, span: None };
+            let mut stream = Stream { name, reader, next, has_next: false, window, span: None };
             stream.advance()?;
             Ok(stream)
         };
         let streams = antennas.into_iter().map(open).collect::<anyhow::Result<_>>()?;
         let station = station.map(open).transpose()?;
-        Ok(Self { streams, station, interval_s: f64::INFINITY })
+        Ok(Self { streams, station, interval_s: f64::INFINITY, bytes })
+    }
+
+    /// How much of all files is read, 0 to 1; `None` where their size is unknown.
+    pub(crate) fn share(&self) -> Option<f64> {
+        let read: u64 =
+            self.streams.iter().chain(&self.station).map(|s| s.reader.bytes_read()).sum();
+        (self.bytes > 0).then(|| (read as f64 / self.bytes as f64).min(1.0))
     }
 
     /// Shortest time between two epochs of one antenna so far, s; `None` before there were two.
@@ -134,13 +150,23 @@ impl Stream {
     /// Reads the next epoch; returns the time since the one before, s (infinite at either end).
     fn advance(&mut self) -> anyhow::Result<f64> {
         let context = || format!("antenna {}", self.name);
-        self.has_next = self.reader.next_epoch(&mut self.next).with_context(context)?;
-        if !self.has_next {
-            return Ok(f64::INFINITY);
-        }
-        let time = self.next.time;
+        let time = loop {
+            self.has_next = self.reader.next_epoch(&mut self.next).with_context(context)?;
+            self.has_next &= !self.window.is_after(self.next.time);
+            if !self.has_next {
+                return Ok(f64::INFINITY);
+            }
+            if self.window.contains(self.next.time) {
+                break self.next.time;
+            }
+        };
         let before = self.span.map(|(_, last)| last);
         self.span = Some((self.span.map_or(time, |(first, _)| first), time));
         Ok(before.map_or(f64::INFINITY, |before| time - before))
     }
+}
+
+/// Bytes of a file; `None` for what is none.
+fn size(file: &Path) -> Option<u64> {
+    std::fs::metadata(file).ok().filter(std::fs::Metadata::is_file).map(|data| data.len())
 }
