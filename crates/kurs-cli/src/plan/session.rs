@@ -47,7 +47,7 @@ impl Session {
         let mut engine =
             solve::engine(&loaded, settings, navigation.clone(), phase_centers.mounts)?;
         let rows: Vec<EpochSolution> =
-            sample.epochs.iter().map(|epoch| engine.push(epoch)).collect();
+            sample.epochs.iter().map(|epoch| engine.push(epoch, None)).collect();
         let places: Vec<Geodetic> =
             rows.iter().filter_map(|row| row.position.map(|p| p.geodetic)).collect();
         Ok(Self {
