@@ -13,7 +13,7 @@ use kurs::array::AntennaArray;
 use kurs::difference::{self, Link};
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
-use kurs::float_solution::{FloatSolution, VarianceFactors};
+use kurs::float_solution::FloatSolution;
 use kurs::frames::{Geodetic, Vector};
 use kurs::point;
 use kurs::signal_residuals::integer_sums;
@@ -268,8 +268,7 @@ fn integers_are_right_as_often_as_predicted() {
     while simulation.next_epoch(&mut epoch) {
         cycles.take(&epoch);
         let (links, groups) = differences(&epoch, simulation.navigation());
-        let exact = |_| VarianceFactors { code: 1.0, phase: 1.0 };
-        let float = FloatSolution::solve(&links, &groups, 0, &[1], exact).unwrap();
+        let float = FloatSolution::solve(&links, &groups, 0, &[1]).unwrap();
         let ambiguities = float.ambiguities_cycles.as_slice();
         let best = search.solve(ambiguities, &float.ambiguity_covariance, 1).unwrap();
         let integers: Vec<f64> = best[0].integers.iter().map(|n| *n as f64).collect();
@@ -295,9 +294,12 @@ fn a_float_solution_is_told_of_its_baseline() {
     let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
     let mut epoch = SimulatedEpoch::default();
     assert!(simulation.next_epoch(&mut epoch));
-    let (links, groups) = differences(&epoch, simulation.navigation());
-    let factors = |_| VarianceFactors { code: 1.3, phase: 0.8 };
-    let float = FloatSolution::solve(&links, &groups, 0, &[1], factors).unwrap();
+    let (mut links, groups) = differences(&epoch, simulation.navigation());
+    for link in &mut links {
+        (link.variances.code_m2, link.variances.phase_m2) =
+            (1.3 * link.variances.code_m2, 0.8 * link.variances.phase_m2);
+    }
+    let float = FloatSolution::solve(&links, &groups, 0, &[1]).unwrap();
     let directions = DMatrix::from_column_slice(3, 2, &[1.0, 0.0, 0.0, 0.0, 0.6, 0.8]);
     let measured_m = DVector::from_column_slice(&[0.02, -0.05]);
     let v = DMatrix::from_column_slice(2, 2, &[4e-4, 1e-4, 1e-4, 9e-4]);
@@ -322,7 +324,7 @@ fn a_float_solution_is_told_of_its_baseline() {
     let added = innovation_m.dot(&s.cholesky().unwrap().solve(&innovation_m));
     let last = off(&float).dot(&solved(&float)) + added;
     assert!((first / last - 1.0).abs() < 1e-6, "{first} {last}");
-    assert_eq!(told.code_fit.freedom, float.code_fit.freedom + 2);
+    assert_eq!(told.code_fit.degrees_of_freedom, float.code_fit.degrees_of_freedom + 2);
 }
 
 /// Observed less computed of both antennas at their true places, and the groups of one code.

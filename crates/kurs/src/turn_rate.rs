@@ -154,6 +154,7 @@ mod tests {
     fn a_course_needs_a_moving_body() {
         let at = |north, east| {
             course_rad(&PositionEstimate {
+                antenna: None,
                 geodetic: Geodetic::from_degrees(50.0, 10.0, 0.0),
                 position_m: Vector::new(0.0, 0.0, 0.0),
                 covariance_m2: Matrix3::identity(),

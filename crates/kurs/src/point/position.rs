@@ -65,7 +65,7 @@ pub struct Exclusion {
 pub struct PointSolution {
     /// Antenna, ECEF, m.
     pub position_m: Vector<Ecef>,
-    /// Covariance of the position, ECEF, m².
+    /// Covariance of the position, ECEF, m²; grown with the residuals where they contradict each other.
     pub covariance_m2: Matrix3<f64>,
     /// Receiver clock against GPST by the first system present: tag − true time, times c, m.
     pub clock_m: f64,
@@ -303,6 +303,12 @@ impl<'a> Fit<'a> {
             || (self.unit_weight_rms() < INCONSISTENT_RMS && self.rows.iter().all(fits))
     }
 
+    /// By how much the variances have to grow so that residuals which no single fault explains are what they
+    /// promise: where satellites contradict each other, half against half, nobody knows whom to believe.
+    fn misfit_factor(&self) -> f64 {
+        if self.is_consistent() { 1.0 } else { self.unit_weight_rms().powi(2).max(1.0) }
+    }
+
     /// A residual over its standard deviation; zero for a satellite that the position rests on alone.
     fn normalised(&self, row: &Row) -> f64 {
         let variance_m2 = self.residual_covariance_m2(row, row);
@@ -379,7 +385,7 @@ impl<'a> Fit<'a> {
             core::array::from_fn(|k| present(&k).then(|| self.clocks_m[k] - clock_m));
         Ok(PointSolution {
             position_m,
-            covariance_m2: self.cofactor,
+            covariance_m2: self.cofactor * self.misfit_factor(),
             clock_m,
             inter_system_m,
             dop,
