@@ -15,6 +15,7 @@ mod failure;
 mod fuse;
 mod init;
 mod inspect;
+mod integers;
 mod interrupt;
 mod map_files;
 mod orient;

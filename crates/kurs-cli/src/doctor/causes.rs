@@ -5,9 +5,10 @@ use std::collections::BTreeSet;
 
 use kurs::engine::{Ambiguities, Constraint};
 use kurs::signal::{Band, System};
-use kurs::solution::{Reason, SignalResidual, Status};
+use kurs::solution::{LeftOut, Reason, SignalResidual, Status};
 
 use super::patient::{Finding, MANY, MENDED, Patient};
+use super::reasons;
 use super::sample::Sample;
 use super::trials::Trials;
 use super::usage::UsageRow;
@@ -29,7 +30,7 @@ impl Patient<'_> {
     pub(super) fn system(&self, trials: &Trials) -> Option<Finding> {
         let systems = trials.without_system.iter().map(|(system, _)| *system);
         let most = systems
-            .map(|system| (system, trials.configured.share_without(system)))
+            .map(|system| (system, trials.configured.share_without(LeftOut::System(system))))
             .max_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((system, share)) = most.filter(|(_, share)| *share > MENDED) {
             let evidence =
@@ -56,13 +57,59 @@ impl Patient<'_> {
     fn bad_system(system: System, evidence: String) -> Finding {
         Finding {
             code: "bad_system",
-            cause: format!("the phases of {} do not fit the others", words(system)),
+            cause: format!("the phases of {system} do not fit the others"),
             evidence,
             advice: format!(
-                "leave its bands out of `bands`; unlike receivers may have biases for {}",
-                words(system)
+                "leave its bands out of `bands`; unlike receivers may have biases for {system}"
             ),
         }
+    }
+
+    /// A band that the engine leaves out, or satellites at one antenna.
+    pub(super) fn band_or_links(&self, trials: &Trials, sample: &Sample) -> Option<Finding> {
+        let configured = &trials.configured;
+        let bands = sample.shared_bands().into_iter();
+        let shares = bands.map(|band| (band, configured.share_without(LeftOut::Band(band))));
+        let most = shares.max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((band, share)) = most.filter(|(_, share)| *share > MENDED) {
+            return Some(Finding {
+                code: "bad_band",
+                cause: format!("the phases of band {band} do not fit the others"),
+                evidence: format!("{:.1} % of the epochs are fixed without it only", 100.0 * share),
+                advice: "leave it out of `bands`; look for interference, and at the firmware of the \
+                         receivers"
+                    .into(),
+            });
+        }
+        let antennas = 0..self.names.len();
+        let shares = antennas.map(|antenna| (antenna, configured.share_without_link(antenna)));
+        let (antenna, share) = shares.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (share > MENDED).then(|| Finding {
+            code: "bad_view",
+            cause: format!("something near antenna {} bends single signals", self.names[antenna]),
+            evidence: format!(
+                "{:.1} % of the epochs are fixed only without the phases of one satellite there",
+                100.0 * share
+            ),
+            advice: "free its view of the sky: edges and metal near an antenna delay phases by \
+                     centimetres"
+                .into(),
+        })
+    }
+
+    /// An antenna that has observations and no part in the solution.
+    pub(super) fn idle_antenna(&self, trials: &Trials) -> Option<Finding> {
+        let ((antenna, reason), count) = trials.configured.most_idle()?;
+        let of = trials.configured.rows.len();
+        (count as f64 > MANY * of as f64).then(|| Finding {
+            code: "idle_antenna",
+            cause: format!("antenna {} has no part in the solution", self.names[antenna]),
+            evidence: format!(
+                "in {count} of {of} epochs: {} (`{reason}`)",
+                reasons::meaning(reason.word())
+            ),
+            advice: reasons::advice(reason.word()).into(),
+        })
     }
 
     /// An antenna that spoils the others.
@@ -167,7 +214,7 @@ impl Patient<'_> {
 
     /// Nothing is wrong, there is just too little of it.
     pub(super) fn strength(&self, trials: &Trials) -> Option<Finding> {
-        let unsure: f64 = ["ratio", "weak_model", "success_rate"]
+        let unsure: f64 = ["ratio", "weak_model", "success_rate", "unproven"]
             .iter()
             .map(|word| trials.configured.share_of_reason(word))
             .sum();
@@ -236,16 +283,4 @@ pub(super) fn phases(signals: &[UsageRow]) -> Option<Finding> {
             advice: advice.into(),
         }
     })
-}
-
-pub(super) fn words(system: System) -> &'static str {
-    match system {
-        System::Gps => "GPS",
-        System::Galileo => "Galileo",
-        System::BeiDou => "BeiDou",
-        System::Glonass => "GLONASS",
-        System::Qzss => "QZSS",
-        System::NavIc => "NavIC",
-        System::Sbas => "SBAS",
-    }
 }

@@ -8,6 +8,7 @@ use super::sample::Sample;
 use super::trials::Trials;
 use super::usage::UsageRow;
 use super::{WELL, causes, presence, shape};
+use crate::integers::Integers;
 use crate::summary::Damage;
 
 /// Everything that is to be said.
@@ -16,11 +17,14 @@ pub(super) fn findings(
     sample: &Sample,
     trials: &Trials,
     signals: &[UsageRow],
+    integers: &Integers,
     damage: &[Damage],
 ) -> Vec<Finding> {
     let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
     if fixed_of_session(sample, trials) < WELL {
-        all.extend(patient.times(sample, trials));
+        let times = patient.times(sample, trials);
+        let are_together = times.is_none();
+        all.extend(times);
         all.extend(presence::gaps(sample));
         all.extend(patient.ephemerides(sample, trials));
         let bands = patient.bands(sample);
@@ -32,6 +36,10 @@ pub(super) fn findings(
         // A wrong shape spoils the integers, and with them what follows from them.
         if !is_misshapen {
             all.extend(patient.system(trials));
+            all.extend(patient.band_or_links(trials, sample));
+        }
+        if are_together {
+            all.extend(patient.idle_antenna(trials));
         }
         all.extend(patient.antenna(trials));
         all.extend(causes::phases(signals));
@@ -43,7 +51,7 @@ pub(super) fn findings(
             all.extend(patient.strength(trials));
         }
         if all.is_empty() {
-            all.extend(unexplained(sample, trials));
+            all.extend(unexplained(sample, trials, integers));
         }
         all.extend(patient.unused_bands(sample));
     }
@@ -59,10 +67,13 @@ pub(super) fn fixed_of_session(sample: &Sample, trials: &Trials) -> f64 {
 }
 
 /// By the most frequent reason alone.
-fn unexplained(sample: &Sample, trials: &Trials) -> Option<Finding> {
+fn unexplained(sample: &Sample, trials: &Trials, integers: &Integers) -> Option<Finding> {
     let reasons = trials.configured.reasons();
     let (word, count) = reasons.iter().max_by_key(|(_, count)| **count)?;
-    let evidence =
-        format!("`{word}` in {count} of {} epochs, and no trial fixes more", sample.epochs.len());
+    let of = sample.epochs.len();
+    let mut evidence = format!("`{word}` in {count} of {of} epochs, and no trial fixes more");
+    if let Some(check) = integers.sentence_of(word) {
+        evidence = format!("{evidence}; {check}");
+    }
     Some(reasons::unexplained(word, evidence))
 }

@@ -22,6 +22,7 @@ use kurs_formats::source::can_be_read_again;
 use serde::Serialize;
 
 use crate::failure::ExitCode;
+use crate::integers::{CheckRow, IdleRow, Integers, LeftOutRow};
 use crate::output::{self, OutputFolder};
 use crate::page::Page;
 use crate::solve::config::Loaded;
@@ -70,6 +71,8 @@ struct Examination {
     sample: Sample,
     /// Absent where the files themselves tell everything.
     trials: Option<Trials>,
+    /// As configured.
+    integers: Integers,
     signals: Vec<UsageRow>,
     findings: Vec<Finding>,
 }
@@ -83,6 +86,9 @@ struct File<'a> {
     fixed_of_session: Option<f64>,
     findings: &'a [Finding],
     trials: Vec<trials::TrialRow>,
+    checks: Vec<CheckRow>,
+    left_out: Vec<LeftOutRow<'a>>,
+    idle_antennas: Vec<IdleRow<'a>>,
     signals: &'a [UsageRow],
 }
 
@@ -90,8 +96,9 @@ struct File<'a> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let session = args.session.load()?;
     let examination = examine(&session.loaded, MAX_EPOCHS)?;
-    let told = examination.text(&antenna_names(&session.loaded), args.signals);
-    let Examination { sample, trials, signals, findings } = &examination;
+    let names = antenna_names(&session.loaded);
+    let told = examination.text(&names, args.signals);
+    let Examination { sample, trials, integers, signals, findings } = &examination;
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
         epochs: sample.of,
@@ -99,6 +106,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         fixed_of_session: examination.fixed_of_session(),
         findings,
         trials: trials.as_ref().map_or_else(Vec::new, Trials::rows),
+        checks: integers.failed(),
+        left_out: integers.left_out(),
+        idle_antennas: integers.idle(&names),
         signals,
     };
     let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
@@ -134,9 +144,11 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     if let Some(copy) = presence::one_recording(&names, &sample) {
         let findings = std::iter::once(copy).chain(presence::broken_files(&damage)).collect();
-        return Ok(Examination { sample, trials: None, signals: Vec::new(), findings });
+        let (integers, signals) = (Integers::default(), Vec::new());
+        return Ok(Examination { sample, trials: None, integers, signals, findings });
     }
     let trials = Trials::run(&settings, &navigation, &mounts, &sample, &names);
+    let integers = Integers::of(&trials.configured.rows, &names);
     let signals = usage(&sample, &trials.configured, &navigation, &settings, &names);
     let patient = Patient {
         names: &names,
@@ -145,8 +157,8 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
         navigation: &navigation,
         mounts: &mounts,
     };
-    let findings = diagnosis::findings(&patient, &sample, &trials, &signals, &damage);
-    Ok(Examination { sample, trials: Some(trials), signals, findings })
+    let findings = diagnosis::findings(&patient, &sample, &trials, &signals, &integers, &damage);
+    Ok(Examination { sample, trials: Some(trials), integers, signals, findings })
 }
 
 /// The first finding in one line, for the end of another command; where the files cannot be read
@@ -177,6 +189,9 @@ impl Examination {
             let (sampled, of) = (self.sample.epochs.len(), self.sample.of);
             let _ = writeln!(text, "{sampled} of {of} epochs were solved in each of these ways:");
             text += &trials.text();
+            for sentence in self.integers.sentences(names) {
+                let _ = writeln!(text, "as configured: {sentence}");
+            }
             text += &usage::text(&self.signals, names, every_signal);
         }
         for (number, Finding { cause, evidence, advice, .. }) in self.findings.iter().enumerate() {

@@ -9,7 +9,7 @@ struct Explained {
     advice: &'static str,
 }
 
-const EXPLAINED: [Explained; 17] = [
+const EXPLAINED: [Explained; 19] = [
     Explained {
         word: "few_satellites",
         meaning: "the antennas share too few satellites",
@@ -95,11 +95,26 @@ const EXPLAINED: [Explained; 17] = [
         meaning: "the observations lead to no place near the Earth",
         advice: "look at the receivers with `kurs inspect`",
     },
+    Explained {
+        word: "unproven",
+        meaning: "a weak model has integers that no other epoch confirms",
+        advice: "use more bands and systems or known positions; a fix counts from its first agreement",
+    },
+    Explained {
+        word: "contradiction",
+        meaning: "integers that should not change between two epochs do",
+        advice: "look for reflections, and for cycle slips that a receiver does not flag",
+    },
 ];
 
 /// What the word means; the word itself where that is not known.
 pub(super) fn meaning(word: &str) -> &str {
     explained(word).map_or(word, |reason| reason.meaning)
+}
+
+/// What helps; nothing where that is not known.
+pub(super) fn advice(word: &str) -> &str {
+    explained(word).map_or("", |reason| reason.advice)
 }
 
 /// The finding of a session of which all that is known is why most of its rows are not fixed.
@@ -108,7 +123,7 @@ pub(super) fn unexplained(word: &'static str, evidence: String) -> Finding {
         code: "unexplained",
         cause: meaning(word).into(),
         evidence,
-        advice: explained(word).map_or("", |reason| reason.advice).into(),
+        advice: advice(word).into(),
     }
 }
 

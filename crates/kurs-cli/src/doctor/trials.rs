@@ -9,12 +9,11 @@ use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::{Band, System};
-use kurs::solution::{EpochSolution, LeftOut, Status};
+use kurs::solution::{EpochSolution, LeftOut, Reason, Status};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::causes;
 use super::sample::Sample;
 
 /// Arrays thinner than this are flat: their mirror image is themselves, turned.
@@ -80,7 +79,7 @@ impl Trials {
         let without_system = several.into_par_iter().map(|system| {
             let others = bands.iter().copied().filter(|band| band.system != system).collect();
             let settings = Settings { bands: Some(others), ..settings.clone() };
-            let name = format!("without {}", causes::words(system));
+            let name = format!("without {system}");
             (system, solve(name, &settings, &sample.epochs))
         });
         let removable = if names.len() > 2 { names.len() } else { 0 };
@@ -156,11 +155,29 @@ impl Trial {
         reasons
     }
 
-    /// Share of the epochs whose integers do without a system.
-    pub(super) fn share_without(&self, system: System) -> f64 {
-        let left_out = Some(LeftOut::System(system));
-        let rows = self.rows.iter().filter(|row| row.left_out == left_out);
+    /// Share of the epochs whose integers do without this.
+    pub(super) fn share_without(&self, left_out: LeftOut) -> f64 {
+        self.share_where(|row| row.left_out == Some(left_out))
+    }
+
+    /// Share of the epochs whose integers do without some satellite at this antenna.
+    pub(super) fn share_without_link(&self, of: usize) -> f64 {
+        let is_link = |left_out| matches!(left_out, LeftOut::Link { antenna, .. } if antenna == of);
+        self.share_where(|row| row.left_out.is_some_and(is_link))
+    }
+
+    fn share_where(&self, holds: impl Fn(&EpochSolution) -> bool) -> f64 {
+        let rows = self.rows.iter().filter(|row| holds(row));
         rows.count() as f64 / self.rows.len().max(1) as f64
+    }
+
+    /// The antenna and the reason for which it most often had no part, and the number of epochs.
+    pub(super) fn most_idle(&self) -> Option<((usize, Reason), usize)> {
+        let mut counts = BTreeMap::new();
+        for idle in self.rows.iter().flat_map(|row| &row.idle_antennas) {
+            *counts.entry(*idle).or_default() += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count)
     }
 
     /// Share of the epochs that have this reason.

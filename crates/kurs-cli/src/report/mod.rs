@@ -11,7 +11,9 @@ use kurs::ephemeris::EphemerisStore;
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::solution::{EpochSolution, Status};
 use kurs::time::GpsTime;
+use kurs::turn_rate::{AngleRates, TurnRate};
 
+use crate::integers::Integers;
 use crate::map_files::{Heights, Way};
 use crate::page::Page;
 use crate::session_span::SessionSpan;
@@ -29,6 +31,7 @@ struct Sample {
     /// Heading, pitch, roll, degrees, with their standard deviations.
     angles_deg: [Option<f64>; 3],
     sd_deg: [f64; 3],
+    rates: AngleRates,
     truth_deg: Option<[f64; 3]>,
     satellites: usize,
     success_rate: Option<f64>,
@@ -45,7 +48,9 @@ pub(crate) struct Report {
     /// Known length of the baseline to every antenna but the first.
     known_lengths_m: Vec<Option<f64>>,
     span: SessionSpan,
+    turn_rate: TurnRate,
     samples: Thinned,
+    integers: Integers,
     residuals: Residuals,
     way: Way,
 }
@@ -79,7 +84,9 @@ impl Report {
             antennas,
             known_lengths_m,
             span: SessionSpan::default(),
+            turn_rate: TurnRate::default(),
             samples: Thinned::default(),
+            integers: Integers::default(),
             residuals: Residuals::default(),
             way: Way::default(),
         }
@@ -95,6 +102,7 @@ impl Report {
         if let Some(position) = &row.position {
             self.way.push(position.geodetic);
         }
+        self.integers.add(row, &self.antennas);
         self.residuals.add(&row.residuals);
         let attitude = row.attitude.as_ref();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
@@ -111,6 +119,7 @@ impl Report {
             reason: row.reason.map_or("", kurs::solution::Reason::word),
             angles_deg: angles.map(|angle| angle.map(f64::to_degrees)),
             sd_deg: [sd(0), sd(1), sd(2)],
+            rates: self.turn_rate.push(row),
             truth_deg: truth.map(|truth| truth.angles_deg),
             satellites: row.satellites,
             success_rate: row.success_rate,
@@ -128,6 +137,7 @@ impl Report {
         self.write_top(&mut page, words);
         self.write_angles(&mut page, &epochs);
         write_status(&mut page, &epochs);
+        self.write_integers(&mut page);
         self.write_lengths(&mut page, &epochs);
         self.write_residuals(&mut page, &epochs);
         write_satellites(&mut page, &epochs);
@@ -178,6 +188,16 @@ impl Report {
             if epochs.has(|sample| sample.truth_deg.is_some()) {
                 page.time_plot(&plots::error(epochs, k, name));
             }
+            if epochs.has(|sample| sample.rates[k].is_some()) {
+                page.time_plot(&plots::rate(epochs, k, name));
+            }
+        }
+    }
+
+    /// What failed, and what had no part.
+    fn write_integers(&self, page: &mut Page) {
+        for sentence in self.integers.sentences(&self.antennas) {
+            page.paragraph(&sentence);
         }
     }
 

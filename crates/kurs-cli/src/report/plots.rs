@@ -66,7 +66,7 @@ impl Epochs {
 pub(super) fn angle(epochs: &Epochs, k: usize, name: &str) -> Plot {
     let mut plot = epochs.clock.plot(&format!("{name}, degrees"));
     let angles = continued(epochs.curve(|sample| sample.angles_deg[k]));
-    add_bands(&mut plot, epochs, k, &angles);
+    add_bands(&mut plot, epochs, &angles, |sample| sample.sd_deg[k]);
     epochs.draw(&mut plot, &angles, "solution", BLUE);
     if epochs.has(|sample| sample.truth_deg.is_some()) {
         let truth = epochs.curve(|sample| sample.truth_deg.map(|angles| angles[k]));
@@ -88,9 +88,19 @@ pub(super) fn is_continued(epochs: &Epochs) -> bool {
 pub(super) fn error(epochs: &Epochs, k: usize, name: &str) -> Plot {
     let mut plot = epochs.clock.plot(&format!("{name} error, degrees"));
     let zero = epochs.curve(|sample| sample.angles_deg[k].map(|_| 0.0));
-    add_bands(&mut plot, epochs, k, &zero);
+    add_bands(&mut plot, epochs, &zero, |sample| sample.sd_deg[k]);
     let error = |sample: &Sample| Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]));
     epochs.draw(&mut plot, &epochs.curve(error), "solution minus truth", BLUE);
+    plot
+}
+
+/// How fast an angle changes, with bands of one and three standard deviations.
+pub(super) fn rate(epochs: &Epochs, k: usize, name: &str) -> Plot {
+    let mut plot = epochs.clock.plot(&format!("{name} rate, degrees/s"));
+    let rates = epochs.curve(|sample| Some(sample.rates[k]?.radps.to_degrees()));
+    let sd = |sample: &Sample| sample.rates[k].map_or(0.0, |rate| rate.sd_radps.to_degrees());
+    add_bands(&mut plot, epochs, &rates, sd);
+    epochs.draw(&mut plot, &rates, "rate", BLUE);
     plot
 }
 
@@ -429,9 +439,9 @@ fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     angles
 }
 
-/// Bands of one and three standard deviations of angle `k` around its values; without width where there
-/// are none.
-fn add_bands(plot: &mut Plot, epochs: &Epochs, k: usize, angles: &Curve) {
+/// Bands of one and three standard deviations around an angle or its rate; without width where there are
+/// none.
+fn add_bands(plot: &mut Plot, epochs: &Epochs, angles: &Curve, sd_deg: impl Fn(&Sample) -> f64) {
     // Time, angle and standard deviation.
     let mut known: Vec<(f64, f64, f64)> = Vec::new();
     for ((sample, ms), angle) in epochs.samples.iter().zip(epochs.clock.ms()).zip(angles) {
@@ -441,7 +451,7 @@ fn add_bands(plot: &mut Plot, epochs: &Epochs, k: usize, angles: &Curve) {
         {
             known.extend([(before_ms, before, 0.0), (*ms, angle, 0.0)]);
         }
-        known.push((*ms, angle, sample.sd_deg[k].min(MAX_BAND_SD_DEG)));
+        known.push((*ms, angle, sd_deg(sample).min(MAX_BAND_SD_DEG)));
     }
     let times: Vec<f64> = known.iter().map(|(ms, ..)| *ms).collect();
     for (sigmas, name, colour) in [(3.0, "3 sigma", THREE_SIGMA), (1.0, "1 sigma", ONE_SIGMA)] {
