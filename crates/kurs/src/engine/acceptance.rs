@@ -24,7 +24,7 @@ use super::witness::Testimony;
 /// A hundredth of the share of epochs that any user notices as missing, one in a thousand, for each of ten
 /// checks: with ten times as many alarms single epochs get lost, with a tenth arrays wrong by some
 /// centimetres get through a few rows more.
-const FALSE_ALARM: f64 = 1e-5;
+pub(super) const FALSE_ALARM: f64 = 1e-5;
 /// Baselines that stay less certain than this, although the integers are known, have a geometry so poor that
 /// other integers fit as well, m.
 const MAX_FIXED_SD_M: f64 = 0.3;
@@ -166,6 +166,7 @@ impl Checks {
     pub(super) fn of_session(
         &mut self,
         (shape, p_value): (Fit, f64),
+        shape_level: f64,
         testimony: Option<Testimony>,
         is_strong: bool,
     ) {
@@ -174,7 +175,7 @@ impl Checks {
             statistic: shape.sum,
             degrees_of_freedom: shape.degrees_of_freedom,
             p_value,
-            level: FALSE_ALARM,
+            level: shape_level,
         });
         if let Some(testimony) = testimony {
             let agrees = testimony != Testimony::Contradicts;

@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 use crate::float_solution::Fit;
 use crate::time::GpsTime;
 
-use super::acceptance::Scale;
+use super::acceptance::{FALSE_ALARM, Scale};
 
 /// Time in which what was learnt fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
 const FADING_S: f64 = 300.0;
@@ -32,6 +32,9 @@ const MIN_PERSISTENCE: f64 = 0.1;
 const PERSISTENCE_DEGREES: f64 = 6.0;
 /// Normalised square that one epoch counts for at most.
 const MAX_SQUARE: f64 = 40.0;
+
+/// Share of sessions whose right array is doubted at first.
+const SESSION_ALARM: f64 = 1e-3;
 
 /// What one epoch's baselines leave against the known places, in body axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,6 +79,8 @@ pub(super) struct ArrayMisfit {
     changes: f64,
     change_degrees: f64,
     time: Option<GpsTime>,
+    /// Epochs of the session, whatever antennas they had.
+    seen: usize,
 }
 
 impl ArrayMisfit {
@@ -85,8 +90,9 @@ impl ArrayMisfit {
             return;
         }
         if self.antennas != misfit.antennas {
-            *self = Self::of(misfit);
+            *self = Self { seen: self.seen, ..Self::of(misfit) };
         }
+        self.seen += 1;
         let elapsed_s = self.time.map_or(0.0, |before| (time - before).max(0.0));
         self.time = Some(time);
         let keep = (-elapsed_s / FADING_S).exp();
@@ -161,6 +167,12 @@ impl ArrayMisfit {
     fn survey_m2(&self, array_sd_m: f64) -> DMatrix<f64> {
         let of_baselines = survey_covariance(self.turns.nrows() / 3, array_sd_m);
         self.shapes.tr_mul(&of_baselines) * &self.shapes
+    }
+
+    /// The least probability that is accepted: an array that has not proven itself yet may cost one session in a
+    /// thousand its first rows.
+    pub(super) fn level(&self) -> f64 {
+        (SESSION_ALARM / self.seen.max(1) as f64).max(FALSE_ALARM)
     }
 
     /// The mean misfit's square, and its probability if the array is right and the noise level what `scale`

@@ -283,7 +283,8 @@ impl Estimator {
             }
             let shape = self.array_misfit.judge(scale);
             let testimony = checks.hold().then(|| self.hear(fixed));
-            checks.of_session(shape, testimony, fix.is_strong());
+            let level = self.array_misfit.level();
+            checks.of_session(shape, level, testimony, fix.is_strong());
         }
         let prediction = fixed.predicted.as_ref().filter(|_| checks.hold());
         let prediction = prediction.map(|p| p.role(&fixed.baselines, fixed.is_decided));

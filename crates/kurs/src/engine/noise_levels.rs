@@ -25,8 +25,8 @@ use crate::time::GpsTime;
 /// Degrees of freedom that the a-priori level of the code counts for.
 const CODE_PRIOR: f64 = 4.0;
 /// Degrees of freedom that the tie between the levels of phase and code counts for: between receivers
-/// and skies the ratio of the two varies by a factor of two (sd), as a χ² of three degrees does.
-const PHASE_PRIOR: f64 = 3.0;
+/// and skies the variance ratio of the two varies by a factor of 1.6 (1 sigma), as a χ² of eight degrees does.
+const PHASE_PRIOR: f64 = 8.0;
 /// Degrees of freedom that the level of all bands counts for on each band.
 const BAND_PRIOR: f64 = 10.0;
 /// Degrees of freedom after which old epochs are forgotten: multipath changes over minutes.
