@@ -118,10 +118,10 @@ fn a_working_configuration_is_planned_by_its_observations() {
     let antennas = ROOF.split("[plan]").next().unwrap().replace("[[antenna]]", "[[body.antenna]]");
     let scenario = format!(
         "seed = 5\nstart = \"2024-03-10T12:00:00\"\nduration_s = 60.0\ninterval_s = 1.0\n\
-         signals = [\"G1C\", \"E1C\"]\n[sky]\nsystems = [\"G\", \"E\"]\n\
+         signals = [\"G1C\", \"G2W\", \"E1C\", \"E5Q\"]\n[sky]\nsystems = [\"G\", \"E\"]\n\
          [noise]\ncode_sd_m = 0.5\nphase_sd_cycles = 0.012\n\
          [[body]]\nname = \"body\"\n[body.motion]\nkind = \"static\"\n\
-         place = {{ latitude_deg = -33.0, longitude_deg = 151.0, height_m = 40.0 }}\n\
+         place = {{ latitude_deg = -33.0, longitude_deg = 18.0, height_m = 40.0 }}\n\
          heading_deg = 250.0\npitch_deg = 0.0\nroll_deg = 0.0\n{antennas}"
     );
     fs::write(folder.path().join("scenario.toml"), scenario).unwrap();
@@ -142,18 +142,16 @@ fn a_working_configuration_is_planned_by_its_observations() {
         assert!((value.as_f64().unwrap() - expected).abs() < tolerance, "{key}: {value}");
     };
     near("latitude_deg", -33.0, 1e-3);
-    near("longitude_deg", 151.0, 1e-3);
+    near("longitude_deg", 18.0, 1e-3);
     near("heading_deg", 250.0, 1.0);
     near("code_sd_m", 0.5, 0.15);
-    near("phase_sd_m", 0.012 * 0.1903, 0.0008);
-    assert_eq!(basis("bands"), ("G1 E1".into(), "the observations".into()));
+    // Cycles of 0.19 to 0.25 m.
+    near("phase_sd_m", 0.012 * 0.22, 0.0008);
+    assert_eq!(basis("bands"), ("G1 G2 E1 E5".into(), "the observations".into()));
     assert_eq!(basis("length_sd_m"), (0.002.into(), "assumed".into()));
     assert!(plan["epochs"][0]["time_gpst"].as_str().unwrap().starts_with("2024-03-10T12:00:00"));
     let notes = plan["notes"].to_string();
-    assert!(
-        notes.contains("ephemerides of system G end") && text.contains("shorter --for"),
-        "{notes}"
-    );
+    assert!(notes.contains("ephemerides of GPS end") && text.contains("shorter --for"), "{notes}");
 
     // `[plan]` of the same file goes first, and `kurs solve` leaves it alone.
     let configuration = fs::read_to_string(folder.path().join("kurs.toml")).unwrap();

@@ -6,8 +6,6 @@
 #[path = "../../../tests/outside.rs"]
 mod outside;
 
-use std::path::PathBuf;
-
 use kurs::ephemeris::{NavigationData, UtcParameters};
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::observation::{AntennaEpoch, Lock, Observation};

@@ -5,7 +5,7 @@
 mod outside;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use kurs::ephemeris::{Ephemeris, GlonassElements, GlonassEphemeris, Message, NavigationData};

@@ -152,7 +152,7 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
 /// The first finding in one line, for the end of another command; where the files cannot be read
 /// again, what the most frequent reason means.
 pub(crate) fn in_one_line(loaded: &Loaded, main_reason: Option<&'static str>) -> String {
-    let can_be_examined = loaded.input_files().iter().all(|path| can_be_read_again(path));
+    let can_be_examined = loaded.input_files().iter().all(can_be_read_again);
     let examination =
         can_be_examined.then(|| examine(loaded, MAX_EPOCHS_IN_PASSING).ok()).flatten();
     match examination.as_ref().and_then(|found| found.findings.first()) {

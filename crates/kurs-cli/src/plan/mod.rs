@@ -212,7 +212,7 @@ fn uncovered(epochs: &[Epoch], bands: &[Band]) -> Vec<String> {
         let which = last.map_or("none at all".to_owned(), |last| format!("the last at {last}"));
         (without > 0).then(|| {
             format!(
-                "The ephemerides of system {system} end: {without} of {} epochs have none ({which}). Give \
+                "The ephemerides of {system} end: {without} of {} epochs have none ({which}). Give \
                  navigation files of those hours, or a shorter --for.",
                 epochs.len()
             )

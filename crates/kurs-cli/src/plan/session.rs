@@ -54,13 +54,20 @@ impl Session {
             navigation,
             start: sample.session.first(),
             place: places.get(places.len() / 2).copied(),
-            heading_deg: heading_deg(&rows),
+            heading_deg: heading_deg(&rows).map(|heading_deg| rounded(heading_deg, 10.0)),
             bands,
-            code_sd_m: zenith_sd_m(&rows, |residual| residual.code_m, 0.0),
+            code_sd_m: zenith_sd_m(&rows, |residual| residual.code_m, 0.0)
+                .map(|sd_m| rounded(sd_m, 1e3)),
             // Each epoch takes three coordinates of every baseline from the phases.
-            phase_sd_m: zenith_sd_m(&rows, |residual| residual.phase_m, 3.0),
+            phase_sd_m: zenith_sd_m(&rows, |residual| residual.phase_m, 3.0)
+                .map(|sd_m| rounded(sd_m, 1e4)),
         })
     }
+}
+
+/// To as many digits as mean something.
+fn rounded(value: f64, per_unit: f64) -> f64 {
+    (value * per_unit).round() / per_unit
 }
 
 /// The heading of a body that keeps one.

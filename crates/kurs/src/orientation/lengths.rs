@@ -35,10 +35,17 @@ impl Length {
     }
 }
 
+/// One pair in every epoch.
+#[derive(Debug, Default)]
+struct Measured {
+    known_m: f64,
+    lengths_m: Vec<f64>,
+    stated_sd_m: Vec<f64>,
+}
+
 /// Lengths of all pairs of these epochs, each a list of antennas and points.
 pub(super) fn of(epochs: impl Iterator<Item = Vec<(usize, MeasuredPoint)>>) -> Vec<Length> {
-    // Known, measured and stated lengths by pair.
-    let mut pairs: BTreeMap<(usize, usize), (f64, Vec<f64>, Vec<f64>)> = BTreeMap::new();
+    let mut pairs: BTreeMap<(usize, usize), Measured> = BTreeMap::new();
     for points in epochs {
         for (place, (second, b)) in points.iter().enumerate() {
             for (first, a) in &points[..place] {
@@ -49,17 +56,20 @@ pub(super) fn of(epochs: impl Iterator<Item = Vec<(usize, MeasuredPoint)>>) -> V
                     // Information is diagonal in local level axes.
                     unit.component_mul(&unit).component_div(&p.information.diagonal()).sum()
                 };
-                let entry = pairs.entry((*first, *second)).or_insert((known_m, vec![], vec![]));
-                entry.1.push(line.norm());
-                entry.2.push((variance_m2(a) + variance_m2(b)).sqrt());
+                let measured = pairs.entry((*first, *second)).or_default();
+                measured.known_m = known_m;
+                measured.lengths_m.push(line.norm());
+                measured.stated_sd_m.push((variance_m2(a) + variance_m2(b)).sqrt());
             }
         }
     }
-    let length = |((first, second), (known_m, measured, stated)): ((usize, usize), (f64, _, _))| {
-        let measured_m = median(Vec::clone(&measured));
-        let off = measured.into_iter().map(|length_m: f64| (length_m - measured_m).abs());
-        let scatter_m = DEVIATION_OF_MEDIAN * median(off.collect());
-        Length { first, second, known_m, measured_m, scatter_m, stated_sd_m: median(stated) }
+    let length = |((first, second), measured): ((usize, usize), Measured)| {
+        let Measured { known_m, lengths_m, stated_sd_m } = measured;
+        let measured_m = median(lengths_m.clone());
+        let off_m = lengths_m.into_iter().map(|length_m| (length_m - measured_m).abs());
+        let scatter_m = DEVIATION_OF_MEDIAN * median(off_m.collect());
+        let stated_sd_m = median(stated_sd_m);
+        Length { first, second, known_m, measured_m, scatter_m, stated_sd_m }
     };
     pairs.into_iter().map(length).collect()
 }

@@ -16,9 +16,9 @@ mod outside;
 mod three_point;
 mod trajectory;
 
+use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::{env, fs};
+use std::path::PathBuf;
 
 use case::Outcome;
 use serde_json::Value;
