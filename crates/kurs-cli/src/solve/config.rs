@@ -72,6 +72,9 @@ pub(crate) struct AntexTable {
 pub(crate) struct NavTable {
     #[serde(default)]
     pub(crate) files: Vec<PathBuf>,
+    /// Of a log only the ephemerides that came before the epoch, as a live run knows them.
+    #[serde(default)]
+    pub(crate) as_received: bool,
     /// Date, or date and time, of logs that do not tell it.
     pub(crate) approximate_time: Option<toml::value::Datetime>,
 }
@@ -360,7 +363,8 @@ impl Loaded {
         antenna_id: Option<AntennaId>,
     ) -> LogOptions {
         let approximate_time = self.approximate_time();
-        LogOptions { station: station_id, antenna: antenna_id, approximate_time }
+        let as_received = self.config.nav.as_received;
+        LogOptions { station: station_id, antenna: antenna_id, approximate_time, as_received }
     }
 
     /// `[nav] approximate_time`

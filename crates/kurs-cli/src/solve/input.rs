@@ -27,6 +27,7 @@ impl Input {
         let (mut navigation, mut damage) = read_navigation(loaded)?;
         let phase_centers = phase_centers::read(loaded, &mut damage)?;
         let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
+        // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
         }
@@ -40,6 +41,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     let mut damage = Vec::new();
     let given = loaded.config.nav.files.iter().map(|file| loaded.path(file));
     let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
+    let mut received = false;
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
         // What is read here is gone from a pipe.
@@ -47,10 +49,13 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
             && can_be_read_again(&path)
             && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
         {
-            files.push(path);
+            received |= loaded.config.nav.as_received;
+            if !loaded.config.nav.as_received {
+                files.push(path);
+            }
         }
     }
-    if files.is_empty() {
+    if files.is_empty() && !received {
         let expected = "no navigation file: give `[nav] files` or --nav FILE";
         return Err(UsageError(expected.into()).into());
     }
@@ -64,7 +69,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
             damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
         }
     }
-    if navigation.ephemerides.is_empty() {
+    if navigation.ephemerides.is_empty() && !received {
         bail!("no usable ephemeris in the navigation files");
     }
     Ok((navigation, damage))

@@ -126,6 +126,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::start(args.quiet);
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let row = if capable { engine.push(&epoch) } else { not_capable(&epoch) };
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;

@@ -9,7 +9,9 @@ pub(crate) mod frames;
 pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
 pub(crate) mod navigation;
+mod news;
 mod parts;
+mod prompt_end;
 mod reader;
 pub(crate) mod whole_cycles;
 

@@ -6,7 +6,7 @@ use kurs::time::GpsTime;
 use super::frames::{Frame, FrameScanner, Protocol};
 use crate::damage::DamageLog;
 use crate::navigation::ReadSummary;
-use crate::navigation_frames::Collector;
+use crate::navigation_frames::{Collector, Taken};
 use crate::rtcm;
 use crate::sbf::{self, block::Block};
 use crate::source::{ReadError, Source};
@@ -15,6 +15,58 @@ use crate::ubx::{rawx, sfrbx};
 /// Where a week of ten bits is all that is known, it is taken from the 1024 weeks around this one
 /// (2024-03-03): from 2014-05-11 to 2033-12-25.
 const MIDDLE_WEEK_NS: i64 = 2304 * 604_800_000_000_000;
+
+/// Takes navigation data out of the messages of a log, one after the other.
+#[derive(Debug)]
+pub(crate) struct MessageReader {
+    collector: Collector,
+    /// A time within ten years of the messages.
+    near: GpsTime,
+}
+
+impl MessageReader {
+    /// `near` is a time within ten years, where no message tells more.
+    pub(crate) fn new(near: Option<GpsTime>) -> Self {
+        let near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
+        Self { collector: Collector::default(), near }
+    }
+
+    /// Takes what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
+    /// completes.
+    pub(crate) fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
+        let body = frame.body;
+        match frame.protocol {
+            Protocol::Ubx => {
+                let (id, payload) = (&body[..2], &body[4..]);
+                if id == rawx::RXM_RAWX {
+                    self.near = rawx::time(payload).unwrap_or(self.near);
+                }
+                if id != sfrbx::RXM_SFRBX {
+                    return None;
+                }
+                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
+                    data.ionosphere.gps = Some(klobuchar);
+                }
+                sfrbx::take(payload, self.near, &mut self.collector)
+            }
+            Protocol::Rtcm3 => {
+                let received = rtcm::ephemeris::read(rtcm::number(body), body, self.near);
+                if let Some(Ok(received)) = &received
+                    && received.is_dated
+                {
+                    self.near = received.ephemeris.reference_time();
+                }
+                received.map(|received| received.map(|received| received.ephemeris))
+            }
+            Protocol::Sbf => {
+                let block = Block::of(body);
+                // Without a time stamp nothing tells the week.
+                let time = block.time()?;
+                sbf::navigation::take(&block, time, &mut self.collector, data)
+            }
+        }
+    }
+}
 
 /// Reads a log and adds its ephemerides to `data`. `near` is a time within ten years, where no
 /// message tells more.
@@ -25,40 +77,10 @@ pub(crate) fn read(
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
     let mut scanner = FrameScanner::default();
-    let mut collector = Collector::default();
-    let mut near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
-    while let Some(Frame { protocol, body, offset }) = scanner.next(source, &mut summary.damage)? {
-        let taken = match protocol {
-            Protocol::Ubx => {
-                let (id, payload) = (&body[..2], &body[4..]);
-                if id == rawx::RXM_RAWX {
-                    near = rawx::time(payload).unwrap_or(near);
-                }
-                if id != sfrbx::RXM_SFRBX {
-                    continue;
-                }
-                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
-                    data.ionosphere.gps = Some(klobuchar);
-                }
-                sfrbx::take(payload, near, &mut collector)
-            }
-            Protocol::Rtcm3 => {
-                let received = rtcm::ephemeris::read(rtcm::number(body), body, near);
-                if let Some(Ok(received)) = &received
-                    && received.is_dated
-                {
-                    near = received.ephemeris.reference_time();
-                }
-                received.map(|received| received.map(|received| received.ephemeris))
-            }
-            Protocol::Sbf => {
-                let block = Block::of(body);
-                // Without a time stamp nothing tells the week.
-                let Some(time) = block.time() else { continue };
-                sbf::navigation::take(&block, time, &mut collector, data)
-            }
-        };
-        match taken {
+    let mut messages = MessageReader::new(near);
+    while let Some(frame) = scanner.next(source, &mut summary.damage)? {
+        let offset = frame.offset;
+        match messages.take(&frame, data) {
             Some(Ok(ephemeris)) => add(ephemeris, data, summary),
             Some(Err(what)) => summary.damage.note(offset, what),
             None => {}

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
@@ -9,6 +10,8 @@ use kurs::time::GpsTime;
 use super::choice::Choice;
 use super::frames::{Frame, FrameScanner, Protocol};
 use super::lock_time::LockTimes;
+use super::news::News;
+use super::prompt_end::PromptEnd;
 use crate::damage::{Damage, DamageLog};
 use crate::rtcm;
 use crate::sbf::block::Block;
@@ -25,6 +28,9 @@ pub struct LogOptions {
     pub antenna: Option<AntennaId>,
     /// RTCM 3: a time within three days of the log; needed where no message in it tells the date.
     pub approximate_time: Option<GpsTime>,
+    /// The log is read as a live stream is: every epoch brings the navigation data that came before it
+    /// ([`LogReader::take_news`]), and an epoch of RTCM 3 ends with the message that says so.
+    pub as_received: bool,
 }
 
 /// Observations of one antenna from a receiver log.
@@ -44,6 +50,10 @@ pub struct LogReader {
     near: GpsTime,
     /// RTCM 3: the epoch whose messages are coming in.
     building: Option<AntennaEpoch>,
+    /// As received: navigation data.
+    news: Option<News>,
+    /// RTCM 3, as received: whether the messages tell where an epoch ends.
+    prompt_end: Option<PromptEnd>,
     /// SBF: observations in blocks that are not read were noted.
     packed_noted: bool,
     /// RTCM 3: where the station says that its antenna is.
@@ -78,6 +88,7 @@ impl LogReader {
         if protocol == Protocol::Rtcm3 && date.is_none() {
             return Err(source.wrong_content("RTCM 3 messages that do not tell the week", DATE));
         }
+        let news = options.as_received.then(|| News::new(options.approximate_time));
         Ok(Self {
             source,
             scanner: FrameScanner::default(),
@@ -92,9 +103,42 @@ impl LogReader {
             last: None,
             near: date.unwrap_or_default(),
             building: None,
+            news,
+            prompt_end: options.as_received.then(PromptEnd::default),
             packed_noted: false,
             place: None,
         })
+    }
+
+    /// Reads a stream as it comes: its protocol is that of the first message with observations, for
+    /// which it waits. `options.as_received` is taken for granted.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`] if the stream breaks off or ends without any observation, or if a station or an
+    /// antenna is chosen and the protocol has none, or if `approximate_time` is needed and not given.
+    pub fn of_stream(mut source: Source, options: &LogOptions) -> Result<Self, ReadError> {
+        let options = LogOptions { as_received: true, ..*options };
+        let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
+        let mut news = News::new(options.approximate_time);
+        let protocol = loop {
+            let Some(frame) = scanner.next(&mut source, &mut damage)? else {
+                return Err(source.wrong_content("no observations", OBSERVATIONS));
+            };
+            if has_observations(&frame) {
+                break frame.protocol;
+            }
+            news.gather(&frame, &mut damage);
+        };
+        scanner.give_again();
+        let reader = Self::new(source, protocol, &options, None)?;
+        Ok(Self { scanner, damage, news: Some(news), ..reader })
+    }
+
+    /// Navigation data that came before the first message of the epoch that was read last and after
+    /// that of the epoch before; nothing unless the log is read as received.
+    pub fn take_news(&mut self) -> NavigationData {
+        self.news.as_mut().map(News::take).unwrap_or_default()
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the log.
@@ -120,6 +164,9 @@ impl LogReader {
     /// RXM-RAWX has a whole epoch.
     fn next_ubx(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
         while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            if let Some(news) = &mut self.news {
+                news.gather(&frame, &mut self.damage);
+            }
             if frame.protocol != Protocol::Ubx || frame.body[..2] != rawx::RXM_RAWX {
                 continue;
             }
@@ -134,14 +181,25 @@ impl LogReader {
             epoch.time = time;
             let channels = &mut self.glonass_channels;
             rawx::read(payload, offset, epoch, &mut self.locks, channels, &mut self.damage);
+            if let Some(news) = &mut self.news {
+                news.epoch_began();
+                news.epoch_ended(&self.glonass_channels);
+            }
             return Ok(true);
         }
         Ok(false)
     }
 
-    /// An epoch has several messages: it ends where one of a later time comes.
+    /// An epoch has several messages: it ends where one of a later time comes, or with the last one if
+    /// that is known.
     fn next_rtcm(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
+        if self.building.is_some() && self.prompt_end.as_ref().is_some_and(PromptEnd::is_complete) {
+            return Ok(self.give_built(epoch));
+        }
         while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            if let Some(news) = &mut self.news {
+                news.gather(&frame, &mut self.damage);
+            }
             let Frame { protocol: Protocol::Rtcm3, body, offset } = frame else { continue };
             let Some(header) = rtcm::msm::Header::read(body) else {
                 rtcm::ephemeris::glonass_channel(body, &mut self.glonass_channels);
@@ -149,6 +207,12 @@ impl LogReader {
                     && self.choice.wanted().is_none_or(|wanted| wanted == station)
                 {
                     self.place = Some(place);
+                }
+                if let Some(date) = self.news.as_mut().and_then(|news| news.other_date(self.near)) {
+                    self.damage.note_with(offset, || {
+                        format!("ephemerides of {date} tell that the week is wrong").into()
+                    });
+                    (self.near, self.last, self.building) = (date, None, None);
                 }
                 continue;
             };
@@ -164,6 +228,9 @@ impl LogReader {
             };
             let is_new = self.building.as_ref().is_none_or(|building| building.time != time);
             if is_new && !is_later(time, &mut self.last, offset, &mut self.damage) {
+                if let Some(end) = self.prompt_end.as_mut().filter(|_| self.last == Some(time)) {
+                    end.came_behind();
+                }
                 continue;
             }
             self.near = time;
@@ -175,17 +242,46 @@ impl LogReader {
             if rtcm::msm::read(&header, body, time, locks, channels, observations).is_none() {
                 self.damage.note(offset, "the message is shorter than its masks say, skipped");
             }
+            match &mut self.prompt_end {
+                Some(end) if is_new => end.begin(header.more_follows),
+                Some(end) => end.go_on(header.more_follows),
+                None => {}
+            }
+            if let Some(news) = &mut self.news {
+                if complete.is_some() {
+                    news.epoch_ended(&self.glonass_channels);
+                }
+                if is_new {
+                    news.epoch_began();
+                }
+            }
             if let Some(complete) = complete {
                 *epoch = complete;
                 return Ok(true);
             }
+            if self.prompt_end.as_ref().is_some_and(PromptEnd::is_complete) {
+                return Ok(self.give_built(epoch));
+            }
         }
-        Ok(self.building.take().map(|complete| *epoch = complete).is_some())
+        Ok(self.give_built(epoch))
+    }
+
+    /// The epoch of RTCM 3 that has come in so far, if there is one.
+    fn give_built(&mut self, epoch: &mut AntennaEpoch) -> bool {
+        let Some(complete) = self.building.take() else { return false };
+        if let Some(news) = &mut self.news {
+            news.epoch_ended(&self.glonass_channels);
+        }
+        *epoch = complete;
+        true
     }
 
     /// MeasEpoch has a whole epoch of all antennas.
     fn next_sbf(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
         while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            if let Some(news) = &mut self.news {
+                news.gather(&frame, &mut self.damage);
+            }
             let Frame { protocol: Protocol::Sbf, body, offset } = frame else { continue };
             let block = Block::of(body);
             if block.number == measurements::MEAS3_RANGES && !self.packed_noted {
@@ -235,6 +331,10 @@ impl LogReader {
             .read(&header, block.content);
             if whole.is_none() {
                 self.damage.note(offset, "MeasEpoch is shorter than its counts say, the rest lost");
+            }
+            if let Some(news) = &mut self.news {
+                news.epoch_began();
+                news.epoch_ended(&self.glonass_channels);
             }
             return Ok(true);
         }
@@ -292,6 +392,19 @@ impl LogReader {
     #[must_use]
     pub fn name(&self) -> &str {
         self.source.name()
+    }
+}
+
+/// What a stream must bring.
+const OBSERVATIONS: &str = "messages with observations: RXM-RAWX (UBX), MSM 4 to 7 (RTCM 3) or \
+    MeasEpoch (SBF)";
+
+/// Whether a message has observations.
+fn has_observations(frame: &Frame<'_>) -> bool {
+    match frame.protocol {
+        Protocol::Ubx => frame.body[..2] == rawx::RXM_RAWX,
+        Protocol::Rtcm3 => rtcm::msm::Header::read(frame.body).is_some(),
+        Protocol::Sbf => Block::of(frame.body).number == measurements::MEAS_EPOCH,
     }
 }
 

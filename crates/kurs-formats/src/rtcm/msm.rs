@@ -33,9 +33,8 @@ pub(crate) struct Header {
     pub(crate) station: u16,
     /// 30 bits, the meaning of which depends on the system.
     pub(crate) epoch_time: u64,
-    /// Another message of the same epoch and station follows. Reading does not rely on it: some
-    /// programs do not set it.
-    more_follows: bool,
+    /// Another message of the same epoch and station follows; some programs do not set it.
+    pub(crate) more_follows: bool,
     satellites: u64,
     signals: u32,
 }

@@ -52,6 +52,12 @@ impl Station {
         })
     }
 
+    /// As [`Engine::insert`].
+    pub(super) fn insert(&mut self, news: &NavigationData) {
+        self.code.insert(news);
+        self.phase.insert(news);
+    }
+
     /// Gives the row the antennas' coordinates by code, and puts the first antenna's coordinates by
     /// phase, if its integers are accepted, or else by code, in the place of its own.
     pub(super) fn improve(

@@ -214,6 +214,25 @@ impl EphemerisStore {
         self.records.insert(ephemeris.key(), ephemeris);
     }
 
+    /// Adds the records of `news`, of the time after all others, and forgets those whose interval of use
+    /// has ended by then; precise orbits are not touched.
+    pub(super) fn update(&mut self, news: &Self) {
+        for record in news.iter() {
+            let (satellite, message, now, _) = record.key();
+            let from = (satellite, message, START_OF_TIME, START_OF_TIME);
+            let until = (satellite, message, now, START_OF_TIME);
+            let outdated =
+                |old: &Ephemeris| old.reference_time() + *old.interval_of_use_s().end() < now;
+            let old = self.records.range(from..until).filter(|(_, old)| outdated(old));
+            let old: Vec<Key> = old.map(|(key, _)| *key).collect();
+            old.iter().for_each(|key| {
+                self.records.remove(key);
+            });
+            self.insert(*record);
+        }
+        self.glonass_channels.extend(&news.glonass_channels);
+    }
+
     /// Adds a node of a precise orbit.
     pub fn insert_precise(&mut self, satellite: Satellite, node: PreciseNode) {
         self.precise.insert(satellite, node);

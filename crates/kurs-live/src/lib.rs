@@ -1,0 +1,2 @@
+//! The service behind `kurs live`.
+#![forbid(unsafe_code)]

@@ -1,0 +1,89 @@
+//! Navigation data in the order in which they were received.
+//!
+//! What a stream brings counts, for all antennas, from the first epoch that follows it in that
+//! stream: so a run over recorded streams and one over live ones know the same at every epoch,
+//! whatever the streams' delays are.
+
+use std::collections::VecDeque;
+
+use super::NavigationData;
+use crate::observation::ArrayEpoch;
+use crate::time::GpsTime;
+
+/// News of several streams, each held back until the epoch is solved that follows it.
+#[derive(Debug, Clone, Default)]
+pub struct AsReceived {
+    /// Of every antenna: time tag of the epoch that follows, and the news.
+    held: Vec<VecDeque<(GpsTime, NavigationData)>>,
+}
+
+impl AsReceived {
+    /// Nothing is held back yet.
+    #[must_use]
+    pub fn new(antennas: usize) -> Self {
+        Self { held: vec![VecDeque::new(); antennas] }
+    }
+
+    /// Keeps what came before the epoch with the time tag `follows` in the stream of an antenna.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such antenna.
+    pub fn hold(&mut self, antenna: usize, follows: GpsTime, news: NavigationData) {
+        if news != NavigationData::default() {
+            self.held[antenna].push_back((follows, news));
+        }
+    }
+
+    /// What counts from `epoch` on and did not before, in the order of the antennas.
+    pub fn release(&mut self, epoch: &ArrayEpoch) -> Vec<NavigationData> {
+        let mut released = Vec::new();
+        for (held, antenna) in self.held.iter_mut().zip(&epoch.antennas) {
+            let Some(antenna) = antenna else { continue };
+            while let Some((_, news)) = held.pop_front_if(|(follows, _)| *follows <= antenna.time) {
+                released.push(news);
+            }
+        }
+        released
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observation::AntennaEpoch;
+
+    fn second(tow_s: f64) -> GpsTime {
+        GpsTime::from_week_tow(2300, tow_s).unwrap()
+    }
+
+    fn news(leap_seconds: i32) -> NavigationData {
+        NavigationData { leap_seconds: Some(leap_seconds), ..NavigationData::default() }
+    }
+
+    /// An epoch that has these antennas at this time.
+    fn epoch(tow_s: f64, antennas: [bool; 2]) -> ArrayEpoch {
+        let time = second(tow_s);
+        let antenna = |has: bool| has.then(|| AntennaEpoch { time, ..AntennaEpoch::default() });
+        ArrayEpoch { time, antennas: antennas.map(antenna).to_vec(), station: None }
+    }
+
+    #[test]
+    fn news_count_from_the_epoch_that_follows_them_in_their_own_stream() {
+        let mut received = AsReceived::new(2);
+        received.hold(1, second(2.0), news(1));
+        received.hold(0, second(2.0), news(2));
+        received.hold(0, second(3.0), news(3));
+        assert_eq!(received.release(&epoch(1.0, [true, true])), []);
+        assert_eq!(received.release(&epoch(2.0, [true, false])), [news(2)]);
+        assert_eq!(received.release(&epoch(3.0, [true, true])), [news(3), news(1)]);
+        assert_eq!(received.release(&epoch(4.0, [true, true])), []);
+    }
+
+    #[test]
+    fn nothing_is_held_where_nothing_is_new() {
+        let mut received = AsReceived::new(1);
+        received.hold(0, second(1.0), NavigationData::default());
+        assert!(received.held[0].is_empty());
+    }
+}
