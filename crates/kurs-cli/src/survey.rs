@@ -45,6 +45,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::start(args.quiet);
     let mut epoch = ArrayEpoch::default();
     while streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let row = engine.push(&epoch);
         survey.add(&row);
         progress.epoch(row.status == Status::Fixed);

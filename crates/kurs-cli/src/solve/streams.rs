@@ -113,12 +113,15 @@ impl Streams {
     /// Gives the epoch the station's observations of the same time, and passes over older ones.
     fn match_station(&mut self, epoch: &mut ArrayEpoch, window_s: f64) -> anyhow::Result<()> {
         let Some(station) = &mut self.station else { return Ok(()) };
-        while station.next.as_ref().is_some_and(|next| next.time - epoch.time <= -window_s) {
-            let passed = station.next.take().unwrap_or_default();
-            station.next = station.read(passed)?;
+        let number = self.streams.len();
+        let passed = |next: &mut AntennaEpoch| next.time - epoch.time <= -window_s;
+        while let Some(next) = station.next.take_if(passed) {
+            self.received.hold(number, next.time, station.reader.take_news());
+            station.next = station.read(next)?;
         }
         let belongs = |next: &mut AntennaEpoch| next.time - epoch.time < window_s;
         if let Some(next) = station.next.take_if(belongs) {
+            self.received.hold(number, next.time, station.reader.take_news());
             let read = epoch.station.replace(next).unwrap_or_default();
             station.next = station.read(read)?;
         } else {

@@ -50,6 +50,10 @@ pub struct LogReader {
     near: GpsTime,
     /// RTCM 3: the epoch whose messages are coming in.
     building: Option<AntennaEpoch>,
+    /// Byte offsets of the first message with observations of the epoch whose messages are coming in,
+    /// and of the one that was given out last.
+    building_at: u64,
+    begun_at: u64,
     /// As received: navigation data.
     news: Option<News>,
     /// RTCM 3, as received: whether the messages tell where an epoch ends.
@@ -103,6 +107,8 @@ impl LogReader {
             last: None,
             near: date.unwrap_or_default(),
             building: None,
+            building_at: 0,
+            begun_at: 0,
             news,
             prompt_end: options.as_received.then(PromptEnd::default),
             packed_noted: false,
@@ -178,7 +184,7 @@ impl LogReader {
             if !is_later(time, &mut self.last, offset, &mut self.damage) {
                 continue;
             }
-            epoch.time = time;
+            (epoch.time, self.begun_at) = (time, offset);
             let channels = &mut self.glonass_channels;
             rawx::read(payload, offset, epoch, &mut self.locks, channels, &mut self.damage);
             if let Some(news) = &mut self.news {
@@ -255,8 +261,12 @@ impl LogReader {
                     news.epoch_began();
                 }
             }
+            let before = self.building_at;
+            if is_new {
+                self.building_at = offset;
+            }
             if let Some(complete) = complete {
-                *epoch = complete;
+                (*epoch, self.begun_at) = (complete, before);
                 return Ok(true);
             }
             if self.prompt_end.as_ref().is_some_and(PromptEnd::is_complete) {
@@ -272,7 +282,7 @@ impl LogReader {
         if let Some(news) = &mut self.news {
             news.epoch_ended(&self.glonass_channels);
         }
-        *epoch = complete;
+        (*epoch, self.begun_at) = (complete, self.building_at);
         true
     }
 
@@ -319,7 +329,7 @@ impl LogReader {
             if !is_later(time, &mut self.last, offset, &mut self.damage) {
                 continue;
             }
-            epoch.time = time;
+            (epoch.time, self.begun_at) = (time, offset);
             let wanted = self.choice.wanted().and_then(|antenna| u8::try_from(antenna).ok());
             let whole = measurements::Epoch {
                 antenna: wanted.map_or(AntennaId::MAIN, AntennaId),
@@ -362,6 +372,12 @@ impl LogReader {
             (false, true) => "the one that the key `station_id` names",
         };
         self.source.wrong_content(text, expected)
+    }
+
+    /// Byte offset of the first message with observations of the epoch that was read last.
+    #[must_use]
+    pub const fn begun_at(&self) -> u64 {
+        self.begun_at
     }
 
     /// Where the log says that the antenna is (RTCM 3: its reference point); as of the last message.

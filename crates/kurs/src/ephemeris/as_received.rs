@@ -13,15 +13,16 @@ use crate::time::GpsTime;
 /// News of several streams, each held back until the epoch is solved that follows it.
 #[derive(Debug, Clone, Default)]
 pub struct AsReceived {
-    /// Of every antenna: time tag of the epoch that follows, and the news.
+    /// Of every antenna, and of the station behind them: time tag of the epoch that follows, and the
+    /// news.
     held: Vec<VecDeque<(GpsTime, NavigationData)>>,
 }
 
 impl AsReceived {
-    /// Nothing is held back yet.
+    /// Nothing is held back yet. The number of the station is that of the antennas.
     #[must_use]
     pub fn new(antennas: usize) -> Self {
-        Self { held: vec![VecDeque::new(); antennas] }
+        Self { held: vec![VecDeque::new(); antennas + 1] }
     }
 
     /// Keeps what came before the epoch with the time tag `follows` in the stream of an antenna.
@@ -38,7 +39,8 @@ impl AsReceived {
     /// What counts from `epoch` on and did not before, in the order of the antennas.
     pub fn release(&mut self, epoch: &ArrayEpoch) -> Vec<NavigationData> {
         let mut released = Vec::new();
-        for (held, antenna) in self.held.iter_mut().zip(&epoch.antennas) {
+        let antennas = epoch.antennas.iter().chain([&epoch.station]);
+        for (held, antenna) in self.held.iter_mut().zip(antennas) {
             let Some(antenna) = antenna else { continue };
             while let Some((_, news)) = held.pop_front_if(|(follows, _)| *follows <= antenna.time) {
                 released.push(news);
@@ -78,6 +80,12 @@ mod tests {
         assert_eq!(received.release(&epoch(2.0, [true, false])), [news(2)]);
         assert_eq!(received.release(&epoch(3.0, [true, true])), [news(3), news(1)]);
         assert_eq!(received.release(&epoch(4.0, [true, true])), []);
+
+        received.hold(2, second(4.0), news(4));
+        let station = Some(AntennaEpoch { time: second(5.0), ..AntennaEpoch::default() });
+        let with_station = ArrayEpoch { station, ..epoch(5.0, [true, true]) };
+        assert_eq!(received.release(&epoch(4.5, [true, true])), []);
+        assert_eq!(received.release(&with_station), [news(4)]);
     }
 
     #[test]

@@ -573,4 +573,28 @@ mod tests {
         assert_eq!((store.len(), store.is_empty()), (1, false));
         assert_eq!(store.iter().next().map(Ephemeris::satellite), Some(satellite));
     }
+
+    /// A record of GPS may be used until two hours after its reference time.
+    #[test]
+    fn what_a_newer_record_leaves_behind_is_forgotten() {
+        let other = KeplerElements { satellite: Satellite::new(System::Gps, 16), ..gps() };
+        let mut known = store(&[gps(), shifted(gps(), 7200.0), other]);
+        known.insert_glonass_channel(5, -4);
+        let mut news = store(&[shifted(gps(), 9200.0)]);
+        news.insert_glonass_channel(6, 2);
+        known.update(&news);
+        let times: Vec<(u8, f64)> = known
+            .iter()
+            .map(|record| {
+                (record.satellite().number, record.reference_time() - gps().reference_time)
+            })
+            .collect();
+        assert_eq!(times, [(15, 7200.0), (15, 9200.0), (16, 0.0)]);
+        let channel = |number| known.glonass_channel(Satellite::new(System::Glonass, number));
+        assert_eq!([5, 6].map(channel), [Some(-4), Some(2)]);
+
+        let mut known = store(&[gps()]);
+        known.update(&store(&[shifted(gps(), 7200.0)]));
+        assert_eq!(known.len(), 2, "usable at the very end of its interval");
+    }
 }
