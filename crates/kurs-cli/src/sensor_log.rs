@@ -1,6 +1,7 @@
 //! Logs of inertial sensors as CSV: the header names columns and units, `time_s, ax_mps2, …`, and
 //! the angle of a rotating arm, `arm_deg`, where an encoder measures it.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +21,19 @@ const ACCELERATION_UNITS: [(&str, f64); 3] =
 const LISTED_DAMAGE: usize = 20;
 /// Beyond this, in any unit, a reading is none.
 const MAX_READING: f64 = 1e9;
+
+/// Usable rows at the beginning of a log whose times are looked at.
+const LOOKED_AT: usize = 200;
+/// Times between samples that sensors have: 100 kHz to 1 Hz.
+const MIN_STEP_S: f64 = 1e-5;
+const MAX_STEP_S: f64 = 1.0;
+/// Seconds since 1970, 1980 or the beginning of a week stay below this until the year 2286.
+const MAX_TIME_S: f64 = 1e10;
+/// Units that times are logged in, in seconds.
+const TIME_UNITS: [(&str, f64); 3] =
+    [("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9)];
+/// An ordinary time between samples: 100 Hz.
+const USUAL_STEP_S: f64 = 0.01;
 
 /// Samples of one file in SI units; rows that cannot be used are left out and noted.
 #[derive(Debug, Default)]
@@ -53,6 +67,8 @@ pub(crate) struct SensorReader {
     backwards: Backwards,
     last_s: f64,
     damage: Vec<Damage>,
+    /// Rows that were read to look at their times.
+    ahead: VecDeque<SensorRow>,
 }
 
 /// What happens to a row whose time is not later than that of the row before.
@@ -146,14 +162,21 @@ impl SensorReader {
                 names.join(", ")
             );
         }
-        Ok(Self {
+        let mut reader = Self {
             path: path.to_owned(),
             records: reader.into_records(),
             columns,
             backwards,
             last_s: f64::NEG_INFINITY,
             damage: Vec::new(),
-        })
+            ahead: VecDeque::new(),
+        };
+        reader.ahead = core::iter::from_fn(|| reader.read_row()).take(LOOKED_AT).collect();
+        let times_s: Vec<f64> = reader.ahead.iter().map(|row| row.time_s).collect();
+        match wrong_times(&times_s) {
+            Some(wrong) => bail!("{name}: {wrong}"),
+            None => Ok(reader),
+        }
     }
 
     /// Whether every row has a specific force.
@@ -189,21 +212,8 @@ impl SensorReader {
         Ok(SensorRow { time_s, accelerometer: force, gyro: rate, arm_angle })
     }
 
-    fn note(&mut self, line: u64, what: String) {
-        let what = match self.damage.len() {
-            0..LISTED_DAMAGE => what,
-            LISTED_DAMAGE => "and more".to_owned(),
-            _ => return,
-        };
-        self.damage.push(Damage { file: self.path.display().to_string(), line, what });
-    }
-}
-
-impl Iterator for SensorReader {
-    type Item = SensorRow;
-
-    /// The next row that can be used.
-    fn next(&mut self) -> Option<SensorRow> {
+    /// Reads on to the next row that can be used.
+    fn read_row(&mut self) -> Option<SensorRow> {
         loop {
             match self.records.next()? {
                 Ok(record) => match self.row(&record) {
@@ -221,6 +231,48 @@ impl Iterator for SensorReader {
             }
         }
     }
+
+    fn note(&mut self, line: u64, what: String) {
+        let what = match self.damage.len() {
+            0..LISTED_DAMAGE => what,
+            LISTED_DAMAGE => "and more".to_owned(),
+            _ => return,
+        };
+        self.damage.push(Damage { file: self.path.display().to_string(), line, what });
+    }
+}
+
+impl Iterator for SensorReader {
+    type Item = SensorRow;
+
+    /// The next row that can be used.
+    fn next(&mut self) -> Option<SensorRow> {
+        self.ahead.pop_front().or_else(|| self.read_row())
+    }
+}
+
+/// What is wrong with times that no sensor has, in words: their step, or their size.
+fn wrong_times(times_s: &[f64]) -> Option<String> {
+    let mut steps_s: Vec<f64> = times_s.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    steps_s.retain(|step_s| *step_s > 0.0);
+    steps_s.sort_by(f64::total_cmp);
+    let step_s = *steps_s.get(steps_s.len() / 2)?;
+    let largest = times_s.iter().fold(0.0, |largest: f64, time_s| largest.max(time_s.abs()));
+    if (MIN_STEP_S..=MAX_STEP_S).contains(&step_s) && largest < MAX_TIME_S {
+        return None;
+    }
+    // Of the units that make it a sensor's step the one that makes it the most usual one.
+    let unusual = |unit_s: f64| (step_s * unit_s / USUAL_STEP_S).ln().abs();
+    let fits = |(_, unit_s): &&(&str, f64)| (MIN_STEP_S..=MAX_STEP_S).contains(&(step_s * unit_s));
+    let unit = TIME_UNITS.iter().filter(fits).min_by(|a, b| unusual(a.1).total_cmp(&unusual(b.1)));
+    let hint = unit.map_or_else(
+        || "is `time_s` in seconds?".to_owned(),
+        |(unit, unit_s)| format!("`time_s` looks like {unit}, multiply it by {unit_s:e}"),
+    );
+    Some(format!(
+        "{step_s:e} s from sample to sample at times up to {largest:e} s, sensors have {MIN_STEP_S:e} \
+         to {MAX_STEP_S} s: {hint}"
+    ))
 }
 
 impl Triple {

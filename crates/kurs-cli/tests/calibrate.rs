@@ -237,6 +237,22 @@ fn problems_are_named() {
         change("huge.csv", &|k, row| if k == 7 { vec![row[0], 1e300, 0.0, 0.0] } else { row });
     let output = calibrate(folder, "six-position", &[huge], &["--gravity", "9.81"]);
     assert!(text(&output.stderr).contains("huge.csv:9: 1e300 is no reading of a sensor"));
+    // 50 samples a second, counted from 1970 in other units.
+    for (unit, name) in [(1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds")] {
+        let ticks = change("ticks.csv", &|_, row| {
+            [&[((1_718_496_000.0 + row[0]) * unit).round()], &row[1..]].concat()
+        });
+        refused("six-position", &[ticks], &format!("`time_s` looks like {name}"));
+    }
+    let slow = change("slow.csv", &|_, row| [&[row[0] * 1e9], &row[1..]].concat());
+    refused("multi-pose", &[slow], "`time_s` looks like nanoseconds, multiply it by 1e-9");
+    // Too short a rest for the noise: nothing is written, and no NaN.
+    let mut rest = String::from("time_s,gx_radps,gy_radps,gz_radps\n");
+    (0..30).for_each(|k| writeln!(rest, "{},{},0.001,0.002", f64::from(k) * 0.1, k % 3).unwrap());
+    let rest = write(folder, "rest.csv", &rest.replace(",0,", ",0.001,"));
+    let output = calibrate(folder, "gyro-bias", &[rest], &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    assert!(!text(&output.stdout).contains("NaN"));
     let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
     refused("six-position", &[words], "no sensor columns; expected ax_mps2");
 }

@@ -5,6 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
+use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::time::GpsTime;
+use kurs_formats::rtcm::Rtcm3Writer;
+use kurs_formats::ubx::UbxWriter;
 use serde_json::Value;
 
 fn file(name: &str) -> PathBuf {
@@ -198,4 +204,90 @@ fn sky_of_a_recording() {
     let first = &sky["satellites"][0]["points"][0];
     assert!((0.0..360.0).contains(&first["azimuth_deg"].as_f64().unwrap()));
     assert_eq!(report["geometry_free"][0]["jumps"], 0);
+}
+
+/// An RTCM 3 log of five seconds whose messages tell no week; its first epoch.
+fn base_log(observed: &str) -> (Vec<u8>, GpsTime) {
+    let first = GpsTime::from_week_tow(2300, 2.5 * 86_400.0).unwrap();
+    let none = NavigationData::default();
+    let mut writer = Rtcm3Writer::new(Vec::new(), 5, Vector::new(4e6, 3e5, 4.9e6), &none);
+    for second in 0..5 {
+        let observation = Observation {
+            satellite: "G05".parse().unwrap(),
+            signal: observed.parse().unwrap(),
+            pseudorange_m: Some(22e6),
+            phase_cycles: Some(1e8),
+            doppler_hz: None,
+            cn0_dbhz: Some(45.0),
+            lock: Lock::default(),
+        };
+        let time = first + f64::from(second);
+        let observations = vec![observation];
+        writer.write(&AntennaEpoch { time, observations, ..AntennaEpoch::default() }).unwrap();
+    }
+    (writer.finish(), first)
+}
+
+/// Without ephemerides a log is inspected all the same: its week is unknown, or that of `--date`, of
+/// a navigation file beside it, or of its name. Messages are counted.
+#[test]
+fn a_log_without_ephemerides() {
+    let folder = tempfile::tempdir().unwrap();
+    let (log, _) = base_log("G1C");
+    let path = folder.path().join("base.rtcm3").display().to_string();
+    fs::write(&path, &log).unwrap();
+    let report = &json(&[&path])[0];
+    assert_eq!(report["time"]["is_dated"], false);
+    assert_eq!(report["time"]["first"], "Tuesday 12:00:00.000");
+    assert_eq!(report["time"]["epochs"], 5);
+    let messages = report["messages"].as_array().unwrap();
+    let told: Vec<(&str, u64, f64, &str)> = messages
+        .iter()
+        .map(|m| {
+            let text = |key: &str| m[key].as_str().unwrap();
+            let rate = m["rate_hz"].as_f64().unwrap();
+            (text("message"), m["count"].as_u64().unwrap(), rate, text("read"))
+        })
+        .collect();
+    assert_eq!(told, [("1006", 1, 0.2, "place"), ("1077", 5, 1.0, "observations")]);
+    let oddities = report["oddities"].to_string();
+    assert!(oddities.contains("RXM-SFRBX") && oddities.contains("1019"), "{oddities}");
+    assert!(oddities.contains("--date"), "{oddities}");
+    let (_, printed, _) = inspect(&[&path]);
+    assert!(printed.contains("GPST of an unknown week"), "{printed}");
+
+    let dated = json(&[&path, "--date", "2024-02-06"]);
+    assert_eq!(dated[0]["time"]["first"], "2024-02-06T12:00:00.000");
+    let (status, _, said) = inspect(&[&path, "--date", "2024-02-30"]);
+    assert!(status == 2 && said.contains("YYYY-MM-DD"), "{said}");
+    // Records of 2020-06-25, a Thursday.
+    let navigation = file("navigation/mixed_3.rnx").display().to_string();
+    let beside = json(&[&path, &navigation]);
+    assert_eq!(beside[0]["time"]["first"], "2020-06-23T12:00:00.000");
+    let named = folder.path().join("base_20240208.rtcm3").display().to_string();
+    fs::write(&named, &log).unwrap();
+    assert_eq!(json(&[&named])[0]["time"]["first"], "2024-02-06T12:00:00.000");
+}
+
+/// Two protocols with observations in one log: each has its report, the messages stand once.
+#[test]
+fn a_log_with_observations_of_two_protocols() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut log, first) = base_log("G1C");
+    let mut ubx = UbxWriter::new(Vec::new(), &NavigationData::default());
+    ubx.write(&AntennaEpoch { time: first, ..AntennaEpoch::default() }).unwrap();
+    log.extend(ubx.finish());
+    // Ahead of them a minute of sentences, more than is looked at to judge a file by its start.
+    log.splice(0..0, b"$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n".repeat(3000));
+    let path = folder.path().join("both.log").display().to_string();
+    fs::write(&path, log).unwrap();
+    let reports = json(&[&path]);
+    let parts: Vec<&str> = reports.iter().map(|r| r["part"].as_str().unwrap()).collect();
+    assert_eq!(parts, ["the receiver's own messages", "station 5"]);
+    assert_eq!(reports[0]["time"]["epochs"], 1);
+    assert_eq!(reports[1]["time"]["epochs"], 5);
+    // The week is in the other protocol.
+    assert_eq!(reports[1]["time"]["first"], "2024-02-06T12:00:00.000");
+    let counts = [0, 1].map(|i: usize| reports[i]["messages"].as_array().unwrap().len());
+    assert_eq!(counts, [3, 0]);
 }

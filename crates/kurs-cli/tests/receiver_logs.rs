@@ -2,23 +2,26 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 use std::rc::Rc;
 
 use assert_cmd::Command;
-use kurs::ephemeris::NavigationData;
+use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::frames::Vector;
-use kurs::observation::{AntennaEpoch, Observation};
-use kurs::signal::{Satellite, Signal};
+use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::signal::{Satellite, Signal, System};
 use kurs::time::GpsTime;
 use kurs_formats::navigation;
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
 use kurs_formats::source::Source;
+use kurs_formats::ubx::UbxWriter;
+use kurs_sim::noise::Noise;
+use kurs_sim::nominal_orbits;
 
 /// Two antennas at rest, a minute, all systems, clocks that are off by less than a millisecond.
 const SCENARIO: &str = r#"
@@ -276,6 +279,80 @@ fn as_received_an_ephemeris_counts_from_the_epoch_that_follows_it() {
     assert!(as_received[..30].iter().all(|status| status == "lost"), "{as_received:?}");
     assert_eq!(as_received[30], "fixed");
     assert!(as_received[30..].iter().filter(|status| *status == "fixed").count() > 25);
+
+/// Every hour of a week, the edges of its days, a leap second: whenever a log begins, it has all
+/// ephemerides that its receiver has, and they say where the satellites are.
+#[test]
+fn logs_of_all_start_times_have_their_ephemerides() {
+    let systems = [System::Gps, System::Galileo, System::BeiDou, System::Glonass, System::Qzss];
+    let at = |week: i32, tow_s: f64| GpsTime::from_week_tow(week, tow_s).unwrap();
+    let hours = (0..168).map(|hour| at(2305, 3600.0 * f64::from(hour) + 61.0));
+    let edges = (0..7).flat_map(|day| {
+        [-1.0, 0.0, 17.0, 19.0].map(|off_s| at(2306, 86_400.0 * f64::from(day)) + off_s)
+    });
+    // 2016-12-31 23:59:60 UTC.
+    let leap = [-7200.0, -600.0, -1.0, 0.0, 1.0, 600.0].map(|off_s| at(1930, 17.0) + off_s);
+    for start in hours.chain(edges).chain(leap) {
+        let mut noise = Noise::seeded(7);
+        let sky = nominal_orbits::navigation(&systems, start, 3600.0, &mut noise).unwrap();
+        for (format, log, left_out) in logs_of(&sky, start) {
+            assert_eq!(left_out, BTreeSet::new(), "{format} of {start}");
+            let mut source = Source::new(io::Cursor::new(log), format).unwrap();
+            let mut read = NavigationData::default();
+            let summary = navigation::read_near(&mut source, Some(start), &mut read).unwrap();
+            assert_eq!(summary.damage.listed(), [], "{format} of {start}");
+            let satellites: BTreeSet<Satellite> =
+                sky.ephemerides.iter().map(Ephemeris::satellite).collect();
+            for satellite in satellites {
+                for ahead_s in [0.0, 5.0] {
+                    let time = start + ahead_s;
+                    let true_m = sky.ephemerides.state(satellite, time).unwrap().position_m;
+                    let found = read.ephemerides.state(satellite, time);
+                    let found_m = found.map(|state| state.position_m);
+                    let off_m = found_m.map(|found_m| (found_m - true_m).norm());
+                    // Units of GLONASS: 0.5 m, and 1 mm/s over a quarter of an hour.
+                    assert!(off_m.is_ok_and(|m| m < 5.0), "{format} {satellite} {time} {off_m:?}");
+                }
+            }
+        }
+    }
+}
+
+/// The first epochs of logs that begin at a time: name, bytes, satellites without ephemerides.
+fn logs_of(
+    sky: &NavigationData,
+    start: GpsTime,
+) -> [(&'static str, Vec<u8>, BTreeSet<Satellite>); 3] {
+    let epoch = |ahead_s: f64| AntennaEpoch {
+        time: start + ahead_s,
+        observations: vec![Observation {
+            satellite: Satellite::new(System::Gps, 5),
+            signal: "G1C".parse().unwrap(),
+            pseudorange_m: Some(22e6),
+            phase_cycles: Some(22e6 / 0.19),
+            doppler_hz: Some(100.0),
+            cn0_dbhz: Some(45.0),
+            lock: Lock::default(),
+        }],
+        ..AntennaEpoch::default()
+    };
+    let epochs = [epoch(0.0), epoch(1.0)];
+    let place = Vector::new(3_833_000.5, 884_000.25, 5_002_000.125);
+    let mut ubx = UbxWriter::new(Vec::new(), sky);
+    let mut rtcm = Rtcm3Writer::new(Vec::new(), 1, place, sky);
+    let mut sbf = SbfWriter::new(Vec::new(), sky);
+    for epoch in &epochs {
+        ubx.write(epoch).unwrap();
+        rtcm.write(epoch).unwrap();
+        sbf.write(&[epoch]).unwrap();
+    }
+    let left_out = [ubx.left_out(), rtcm.left_out(), sbf.left_out()].map(Clone::clone);
+    let [in_ubx, in_rtcm, in_sbf] = left_out;
+    [
+        ("UBX", ubx.finish(), in_ubx),
+        ("RTCM 3", rtcm.finish(), in_rtcm),
+        ("SBF", sbf.finish(), in_sbf),
+    ]
 }
 
 /// An output that several writers write to.

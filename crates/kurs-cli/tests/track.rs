@@ -145,6 +145,35 @@ fn monte_carlo_follows_least_squares() {
     assert_eq!(compared, 5 * 25 * 3);
 }
 
+/// A message with a segment more, of angles that cannot be used: the path is that of the others, and
+/// a note names the segment.
+#[test]
+fn an_unusable_segment_is_left_out_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let radar = example("radar.toml").display().to_string();
+    let made = kurs(&[&radar, "--simulate", "--out", folder.path().to_str().unwrap()]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let tdm = fs::read_to_string(path("measurements.tdm")).unwrap();
+    let station = tdm.lines().find_map(|line| line.strip_prefix("PARTICIPANT_1 = ")).unwrap();
+    let stars = format!(
+        "META_START\nTIME_SYSTEM = UTC\nPARTICIPANT_1 = {station}\nPARTICIPANT_2 = STAR\n\
+         MODE = SEQUENTIAL\nPATH = 2,1\nANGLE_TYPE = RADEC\nMETA_STOP\nDATA_START\n\
+         ANGLE_1 = 2024-01-01T00:00:00 10.0\nDATA_STOP\n"
+    );
+    let solve = |tdm: &str, out: &str| {
+        fs::write(path("measurements.tdm"), tdm).unwrap();
+        fs::write(path("a.toml"), fs::read_to_string(&radar).unwrap()).unwrap();
+        let output = kurs(&[&path("a.toml"), "--out", &path(out)]);
+        (fs::read_to_string(folder.path().join(out).join("trajectory.csv")), text(&output.stderr))
+    };
+    let (wanted, said) = solve(&tdm, "whole");
+    assert!(!said.contains("left out"), "{said}");
+    let (found, said) = solve(&(tdm.clone() + &stars), "more");
+    assert!(said.contains("a segment is left out") && said.contains("RADEC"), "{said}");
+    assert_eq!(found.unwrap(), wanted.unwrap());
+}
+
 #[test]
 fn broken_input_is_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -164,7 +193,8 @@ fn broken_input_is_named() {
     assert!(refuse(&same, csv, 1).contains("line 2: azimuth_deg: `north` is not a number"));
     let csv = "time_s,station,azimut_deg\n0.0,S1,10.0\n";
     assert!(refuse(&same, csv, 1).contains("unknown column `azimut_deg`"));
-    let tdm = "CCSDS_TDM_VERS = 2.0\nMETA_START\nTIME_SYSTEM = NEVER\n";
+    let tdm =
+        "CCSDS_TDM_VERS = 2.0\nMETA_START\nTIME_SYSTEM = NEVER\nMETA_STOP\nDATA_START\nDATA_STOP\n";
     assert!(refuse(&same, tdm, 1).contains("line 3: TIME_SYSTEM: `NEVER` found"));
     let typo = |config: String| config.replace("range_sd_m", "range_sdm");
     assert!(refuse(&typo, csv, 2).contains("did you mean `range_sd_m`?"));

@@ -2,7 +2,11 @@
 
 use core::fmt;
 
+use std::path::Path;
+
 use crate::logs::frames::{self, Protocol};
+use crate::logs::start;
+use crate::source::{ReadError, Source};
 
 /// The content of a file as its first bytes show it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,27 +43,28 @@ pub enum Content {
 
 impl Content {
     /// Bytes from the start of a file that are enough to judge it.
-    pub const ENOUGH: usize = 16 * 1024;
+    pub const ENOUGH: usize = 64 * 1024;
 
     /// Judges the start of a file: [`Content::ENOUGH`] bytes, or all if there are fewer.
     #[must_use]
     pub fn of(start: &[u8]) -> Self {
-        match start {
+        match start.trim_ascii_start() {
             [] => return Self::Empty,
-            [0xb5, 0x62, ..] => return Self::Ubx,
-            // RTCM 3: six reserved bits are zero.
-            [0xd3, length, ..] if length >> 2 == 0 => return Self::Rtcm3,
-            [b'$', b'@', ..] => return Self::Sbf,
             [b'#', b'a'..=b'd', b'P' | b'V', ..] => return Self::Sp3,
             _ => {}
         }
         start.split(|byte| *byte == b'\n').find_map(Self::of_header_line).unwrap_or_else(|| {
-            // A log may begin in the midst of a message, or with text.
-            match frames::first_protocol(start) {
-                Some(Protocol::Ubx) => return Self::Ubx,
-                Some(Protocol::Rtcm3) => return Self::Rtcm3,
-                Some(Protocol::Sbf) => return Self::Sbf,
-                None => {}
+            // A log may begin in the midst of a message, or with text, and with messages of another
+            // protocol than its observations.
+            if let Some(protocol) = frames::first_protocol(start) {
+                return Self::of_protocol(protocol);
+            }
+            match start {
+                [0xb5, 0x62, ..] => return Self::Ubx,
+                // RTCM 3: six reserved bits are zero.
+                [0xd3, length, ..] if length >> 2 == 0 => return Self::Rtcm3,
+                [b'$', b'@', ..] => return Self::Sbf,
+                _ => {}
             }
             if let [b'$', b'A'..=b'Z', b'A'..=b'Z', ..] = start {
                 return Self::Nmea;
@@ -67,7 +72,6 @@ impl Content {
             let text = start.trim_ascii_start();
             let readable = start.iter().all(|b| matches!(b, b'\t' | b'\r' | b'\n' | b' '..=b'~'));
             match (text, readable) {
-                ([], _) => Self::Empty,
                 ([b'<', ..], true) => Self::Html,
                 (_, true) => Self::Text(first_words(text)),
                 (_, false) => Self::Noise,
@@ -75,10 +79,45 @@ impl Content {
         })
     }
 
+    /// Judges a file; one that begins with sentences of NMEA is looked through for messages with
+    /// observations.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`] if it cannot be read.
+    pub fn of_file(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        let mut source = Source::open(&path)?;
+        match Self::of(source.start(Self::ENOUGH)?) {
+            Self::Nmea => {
+                let start = start::look(&mut Source::open(path)?, None, None)?;
+                Ok(start.observing.map_or(Self::Nmea, Self::of_protocol))
+            }
+            content => Ok(content),
+        }
+    }
+
     /// Whether this is a receiver log: binary messages, observations and ephemerides among them.
     #[must_use]
     pub const fn is_log(&self) -> bool {
         matches!(self, Self::Ubx | Self::Rtcm3 | Self::Sbf)
+    }
+
+    const fn of_protocol(protocol: Protocol) -> Self {
+        match protocol {
+            Protocol::Ubx => Self::Ubx,
+            Protocol::Rtcm3 => Self::Rtcm3,
+            Protocol::Sbf => Self::Sbf,
+        }
+    }
+
+    /// The protocol of the first messages of a log.
+    pub(crate) const fn protocol(&self) -> Option<Protocol> {
+        match self {
+            Self::Ubx => Some(Protocol::Ubx),
+            Self::Rtcm3 => Some(Protocol::Rtcm3),
+            Self::Sbf => Some(Protocol::Sbf),
+            _ => None,
+        }
     }
 
     fn of_header_line(line: &[u8]) -> Option<Self> {
@@ -88,7 +127,9 @@ impl Content {
             (b"CRINEX VERS   / TYPE", _) => Self::CompactRinex,
             (b"ANTEX VERSION / SYST", _) => Self::Antex,
             (b"RINEX VERSION / TYPE", Some(b'O' | b'o')) => Self::RinexObservation,
-            (b"RINEX VERSION / TYPE", Some(b'N' | b'G' | b'H' | b'L')) => Self::RinexNavigation,
+            (b"RINEX VERSION / TYPE", Some(b'N' | b'G' | b'H' | b'L' | b'J')) => {
+                Self::RinexNavigation
+            }
             (b"RINEX VERSION / TYPE", _) => Self::RinexOther(first_words(kind)),
             _ => return None,
         })
@@ -149,6 +190,7 @@ mod tests {
             (b"\0\xb5\xd3\x20\xb5\x62\x05\x01\x02\0\x06\x01\x0f\x38".to_vec(), Content::Ubx),
             (b"$GNGGA,,*00\r\n".to_vec(), Content::Nmea),
             (vec![0xd3, 0, 19, 0x3e], Content::Rtcm3),
+            (b"\n\n#cP2023  2 19  0  0  0.00000000".to_vec(), Content::Sp3),
             (b"<!DOCTYPE html>".to_vec(), Content::Html),
             (b"time,heading\n1,2".to_vec(), Content::Text("time,heading".into())),
             (vec![0, 1, 2, 255], Content::Noise),

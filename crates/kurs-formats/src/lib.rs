@@ -2,13 +2,16 @@
 #![forbid(unsafe_code)]
 
 pub mod antex;
+mod compress;
 pub mod content;
 pub mod damage;
+mod epoch_order;
 mod fields;
 pub mod logs;
 pub mod navigation;
 mod navigation_frames;
 pub mod observations;
+mod pending_slips;
 pub mod positions;
 pub mod rinex;
 pub mod rtcm;

@@ -21,6 +21,8 @@ pub struct ReadSummary {
     pub read_past: BTreeMap<String, usize>,
     /// What could not be used.
     pub damage: DamageLog,
+    /// Bytes of a log that are no whole message: reading its observations finds them too.
+    pub framing: DamageLog,
 }
 
 /// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, SP3 a to d,
@@ -47,6 +49,7 @@ pub fn read_near(
     data: &mut NavigationData,
 ) -> Result<ReadSummary, ReadError> {
     let content = Content::of(source.start(Content::ENOUGH)?);
+    let near = near.or_else(|| logs::file_date::of_name(source.name()));
     let mut summary = ReadSummary::default();
     match content {
         Content::RinexNavigation => rinex::navigation::read(source, data, &mut summary)?,

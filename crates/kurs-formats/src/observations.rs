@@ -11,8 +11,8 @@ use kurs::time::GpsTime;
 
 use crate::content::Content;
 use crate::damage::Damage;
-use crate::logs::frames::Protocol;
-use crate::logs::{self, LogOptions, LogReader};
+use crate::logs::start::{self, Start};
+use crate::logs::{LogOptions, LogReader, Protocol};
 use crate::rinex::observation::{EventLog, ObservationHeader, ObservationReader};
 use crate::source::{ReadError, Source, can_be_read_again};
 
@@ -39,8 +39,8 @@ impl ObservationSource {
         Self::open_with(path, &LogOptions::default())
     }
 
-    /// As [`ObservationSource::open`], with what a log does not say by itself. An RTCM 3 log may be
-    /// read twice: the date may come late in it. What is no file (a pipe) is read once, as by
+    /// As [`ObservationSource::open`], with what a log does not say by itself. A log may be read
+    /// twice: what tells its date, and the first observations, may come late in it. What is no file (a pipe) is read once, as by
     /// [`ObservationSource::from_source_with`].
     ///
     /// # Errors
@@ -50,8 +50,8 @@ impl ObservationSource {
         if !can_be_read_again(&path) {
             return Self::from_source_with(Source::open(path)?, options);
         }
-        Self::with_date(Source::open(&path)?, options, |_| {
-            logs::navigation::date(&mut Source::open(path)?)
+        Self::with_start(Source::open(&path)?, options, |_, wanted, near| {
+            start::look(&mut Source::open(path)?, wanted, near)
         })
     }
 
@@ -76,36 +76,40 @@ impl ObservationSource {
         Self::from_source_with(source, &LogOptions::default())
     }
 
-    /// As [`ObservationSource::from_source`], with what a log does not say by itself. The date of an
-    /// RTCM 3 log must stand in its first [`Source::BUFFER_SIZE`] bytes or in `options`.
+    /// As [`ObservationSource::from_source`], with what a log does not say by itself. Observations,
+    /// and the date of an RTCM 3 log, must stand in its first [`Source::BUFFER_SIZE`] bytes or in
+    /// `options`.
     ///
     /// # Errors
     ///
     /// As [`ObservationSource::open`].
     pub fn from_source_with(source: Source, options: &LogOptions) -> Result<Self, ReadError> {
-        Self::with_date(source, options, |source| {
-            let start = source.start(Source::BUFFER_SIZE)?.to_vec();
-            logs::navigation::date(&mut Source::new(std::io::Cursor::new(start), "")?)
+        Self::with_start(source, options, |source, wanted, near| {
+            let first = source.start(Source::BUFFER_SIZE)?.to_vec();
+            start::look(&mut Source::new(std::io::Cursor::new(first), "")?, wanted, near)
         })
     }
 
-    fn with_date(
+    fn with_start(
         mut source: Source,
         options: &LogOptions,
-        date: impl FnOnce(&mut Source) -> Result<Option<GpsTime>, ReadError>,
+        look: impl FnOnce(&mut Source, Option<Protocol>, Option<GpsTime>) -> Result<Start, ReadError>,
     ) -> Result<Self, ReadError> {
-        let protocol = match Content::of(source.start(Content::ENOUGH)?) {
-            Content::RinexObservation | Content::CompactRinex => {
-                return Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)));
-            }
-            Content::Ubx => Protocol::Ubx,
-            Content::Rtcm3 => Protocol::Rtcm3,
-            Content::Sbf => Protocol::Sbf,
-            other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
+        let content = Content::of(source.start(Content::ENOUGH)?);
+        if matches!(content, Content::RinexObservation | Content::CompactRinex) {
+            return Ok(Self::Rinex(Box::new(ObservationReader::from_source(source)?)));
+        }
+        let found = content.protocol();
+        if found.is_none() && content != Content::Nmea {
+            return Err(source.wrong_content(content.to_string(), EXPECTED));
+        }
+        let near = options.near(source.name());
+        let start = look(&mut source, options.chosen_protocol(), near)?;
+        // Sentences of NMEA may stand in front of a log for long.
+        let Some(found) = found.or(start.found.filter(|_| start.observing.is_some())) else {
+            return Err(source.wrong_content(content.to_string(), EXPECTED));
         };
-        let wants_date = protocol == Protocol::Rtcm3 && options.approximate_time.is_none();
-        let date = if wants_date { date(&mut source)? } else { None };
-        Ok(Self::Log(Box::new(LogReader::new(source, protocol, options, date)?)))
+        Ok(Self::Log(Box::new(LogReader::new(source, found, options, start)?)))
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the file.
@@ -135,6 +139,15 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => Some(reader.header()),
             Self::Log(_) => None,
+        }
+    }
+
+    /// Whether the date is known: logs of RTCM 3 may tell the time of some week only.
+    #[must_use]
+    pub const fn is_dated(&self) -> bool {
+        match self {
+            Self::Rinex(_) => true,
+            Self::Log(reader) => reader.is_dated(),
         }
     }
 

@@ -223,6 +223,8 @@ PG01  20308.731285  11790.619637  12427.122166    211.020877
 EOF
 ";
         let (data, summary) = read(&[HEADER, body].concat());
+        let (behind_empty_lines, _) = read(&["\n \n", HEADER, body].concat());
+        assert_eq!(behind_empty_lines, data);
         let orbits: Vec<_> = data.ephemerides.precise().iter().collect();
         assert_eq!(orbits.len(), 2);
         let g01 = orbits[0].1[0];

@@ -34,6 +34,35 @@ fn compact_files_equal_plain_ones() {
     }
 }
 
+/// Files joined one behind the other, with other columns in the second; one that is not compact.
+#[test]
+fn joined_files_are_read_with_their_own_headers() {
+    let first = text("mixed_3.crx");
+    let second = text("events_3.crx").replace("> 2024 06 24", "> 2024 06 25");
+    let (mut wanted, events) = (read(&first).0, read(&second).0);
+    wanted.extend(events);
+    let (epochs, damage) = read(&[first.as_str(), &second].concat());
+    assert_eq!((epochs.len(), damage), (wanted.len(), 1));
+    for (found, wanted) in epochs.iter().zip(&wanted) {
+        assert_eq!(found.time, wanted.time);
+        let same = |a: &Observation, b: &Observation| {
+            (a.satellite, a.signal, a.phase_cycles) == (b.satellite, b.signal, b.phase_cycles)
+        };
+        assert!(found.observations.iter().zip(&wanted.observations).all(|(a, b)| same(a, b)));
+    }
+
+    let plain = text("mixed_3.rnx");
+    let input = std::io::Cursor::new([plain, second].concat().into_bytes());
+    let mut reader = ObservationReader::new(input, "test.rnx").unwrap();
+    let mut epoch = AntennaEpoch::default();
+    let read_all = core::iter::from_fn(|| match reader.next_epoch(&mut epoch) {
+        Ok(false) => None,
+        other => Some(other),
+    });
+    let error = read_all.filter_map(Result::err).next().unwrap().to_string();
+    assert!(error.contains("a compact file begins in a plain one"), "{error}");
+}
+
 #[test]
 fn clock_offsets_are_read() {
     let (epochs, _) = read(&text("mixed_3.crx"));

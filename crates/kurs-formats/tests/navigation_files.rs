@@ -283,6 +283,78 @@ fn damage_loses_one_record() {
     }
 }
 
+/// Fields that mean nothing may hold anything; one that can be done without is noted and no more.
+#[test]
+fn spare_fields_are_not_looked_at() {
+    let (right, _) = read(&file_3(RECORDS));
+    for (found, filled, noted) in [
+        // Spare fields behind the fit interval, as one merged file of IGS has them, and with words.
+        ("3.528180000000e+05 4.000000000000e+00\n", "0.499063314480-269 0.499063314480-269", 0),
+        ("3.528180000000e+05 4.000000000000e+00\n", "              spare              xxxxx", 0),
+        // The flag of the L2 P data; the time of transmission of E12; the age of R05.
+        ("2.111000000000e+03 0.000000000000e+00\n", "", 0),
+        ("     3.570350000000e+05", "", 1),
+        ("-1.862645149231e-09 0.000000000000e+00\n", "", 0),
+    ] {
+        assert!(RECORDS.contains(found), "{found}");
+        let broken = match (filled, noted) {
+            ("", 1) => "     3.57035000x000e+05".to_owned(),
+            ("", _) => found.replace("0.000000000000e+00\n", "0.00000000rubbish0\n"),
+            _ => format!("{}{filled}\n", found.trim_end()),
+        };
+        let (data, summary) = read(&file_3(&RECORDS.replacen(found, &broken, 1)));
+        assert_eq!(satellites(&data), satellites(&right), "{broken}: {:?}", summary.damage);
+        assert_eq!(summary.damage.total(), noted, "{broken}: {:?}", summary.damage);
+    }
+}
+
+/// The header of an interrupted download, and lines in front of it.
+#[test]
+fn a_header_without_an_end_or_behind_empty_lines() {
+    let (right, _) = read(&file_3(RECORDS));
+    let end = header("", "END OF HEADER");
+    let (data, summary) = read(&file_3(RECORDS).replacen(&end, "", 1));
+    assert_eq!(data.ephemerides, right.ephemerides);
+    assert_eq!((summary.damage.total(), summary.damage.listed()[0].line), (1, 2));
+    let (data, summary) = read(&["\n  \n", &file_3(RECORDS)].concat());
+    assert_eq!(data.ephemerides, right.ephemerides);
+    assert_eq!(summary.damage.total(), 0);
+    let message = try_read(b"\n\n").unwrap_err().to_string();
+    assert!(message.contains("empty"), "{message}");
+    let unknown = header("     9.9            NAVIGATION DATA", "RINEX VERSION / TYPE");
+    let message = try_read(["\n", &unknown].concat().as_bytes()).unwrap_err().to_string();
+    assert!(message.contains("line 2") && message.contains("9.9"), "{message}");
+}
+
+/// RINEX 2.12 writes the letter of a system in front of the number, with one column more; a file of
+/// one system may leave it out.
+#[test]
+fn rinex_2_12_of_qzss_and_galileo() {
+    let (right, _) = read(&file_3(RECORDS));
+    let record = |name: &str| -> Vec<&str> {
+        RECORDS.lines().skip_while(|line| !line.starts_with(name)).take(8).collect()
+    };
+    let file = |first: &str, date: &str, with: &str, name: &str, cut: usize| {
+        let lines = record(name);
+        let behind: String = lines[1..].iter().map(|line| format!("{}\n", &line[cut..])).collect();
+        let start = header(first, "RINEX VERSION / TYPE") + &header("", "END OF HEADER");
+        format!("{start}{}\n{behind}", lines[0].replacen(date, with, 1))
+    };
+    let qzss = ("J02 2020 06 25 18 00 00", "J 2 20  6 25 18  0  0.0");
+    let galileo = ("E12 2020 06 25 02 50 00", "12 20  6 25  2 50  0.0");
+    for (first, (date, with), name, cut) in [
+        ("     2.12           N", qzss, "J02", 0),
+        ("     2.12           N: GNSS NAV DATA    E: GAL NAV DATA", galileo, "E12", 1),
+    ] {
+        let (data, summary) = read(&file(first, date, with, name, cut));
+        assert_eq!(summary.damage.total(), 0, "{:?}", summary.damage);
+        let satellite: Satellite = name.parse().unwrap();
+        let found = data.ephemerides.iter().next().unwrap();
+        let wanted = right.ephemerides.iter().find(|e| e.satellite() == satellite).unwrap();
+        assert_eq!(found, wanted);
+    }
+}
+
 #[test]
 fn a_cut_file_keeps_the_records_before() {
     let file = file_3(RECORDS);

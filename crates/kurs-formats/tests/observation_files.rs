@@ -572,6 +572,129 @@ fn one_bad_line_in_rinex_2() {
     break_each_line(&header, &healthy_2(), join_with_next, 2);
 }
 
+/// Files joined one behind the other: the second header is obeyed, its phases begin anew.
+#[test]
+fn joined_files_are_read_with_their_own_headers() {
+    let first = header_3("3.05", 'M', &[GPS_TYPES])
+        + &epoch_3(0, 0, 1)
+        + &gps("G05", 2e7, 1e8, "")
+        + &epoch_3(1, 0, 1)
+        + &gps("G05", 2e7, 1e8, "");
+    let second = header_3("3.04", 'M', &[("G    2 L1C C1C", "SYS / # / OBS TYPES")])
+        + &epoch_3(2, 0, 1)
+        + &format!("G05{}{}\n", field(1.2e8, ""), field(2.1e7, ""))
+        + &epoch_3(3, 0, 1)
+        + &format!("G05{}{}\n", field(1.2e8, ""), field(2.1e7, ""));
+    let (epochs, damage) = read(&(first.clone() + &second));
+    let g05: Vec<&Observation> = epochs.iter().map(|e| find(e, "G05", "G1C")).collect();
+    assert_eq!(
+        g05.iter().map(|o| o.phase_cycles.unwrap()).collect::<Vec<_>>(),
+        [1e8, 1e8, 1.2e8, 1.2e8]
+    );
+    assert_eq!(g05[2].pseudorange_m, Some(2.1e7));
+    assert_eq!(
+        g05.iter().map(|o| o.lock.slipped()).collect::<Vec<_>>(),
+        [false, false, true, false]
+    );
+    assert_eq!(damage, 1);
+
+    let older = header_2('G', "    C1    L1") + &epoch_2(4, 0, &["G05"]) + &field(2e7, "") + "\n";
+    let mut reader = open(&(first + &older));
+    let mut epoch = AntennaEpoch::default();
+    let error = loop {
+        match reader.next_epoch(&mut epoch) {
+            Ok(true) => {}
+            Ok(false) => panic!("no error"),
+            Err(error) => break error.to_string(),
+        }
+    };
+    assert!(error.contains("line 8") && error.contains("joined"), "{error}");
+}
+
+/// Codes that the format does not have are named, and nothing else takes their place.
+#[test]
+fn codes_that_do_not_exist_are_named() {
+    let types = [
+        ("C    4 C1C L1C C7I L7I", "SYS / # / OBS TYPES"),
+        ("G    6 C1  L1  D1  S1  C2W L2W", "SYS / # / OBS TYPES"),
+        ("E    1 C7P", "SYS / # / OBS TYPES"),
+        ("J    1 I1 ", "SYS / # / OBS TYPES"),
+    ];
+    let text = header_3("3.04", 'M', &types)
+        + &epoch_3(0, 0, 2)
+        + &format!("C30{}{}{}\n", field(2e7, ""), field(1e8, ""), field(2.1e7, ""))
+        + &format!("G05{}{}\n", " ".repeat(64), field(2.3e7, ""));
+    let mut reader = open(&text);
+    let mut epoch = AntennaEpoch::default();
+    assert!(reader.next_epoch(&mut epoch).unwrap());
+    let signals: Vec<String> = epoch.observations.iter().map(|o| o.signal.to_string()).collect();
+    assert_eq!(signals, ["C7I", "G2W"]);
+    let damage: Vec<String> = reader.damage().iter().map(|d| d.what.to_string()).collect();
+    assert_eq!(damage.len(), 3, "{damage:?}");
+    for named in
+        ["GPS has no observations C1, L1, D1, S1", "BeiDou has no observations C1C, L1C", "C7P"]
+    {
+        assert!(damage.iter().any(|what| what.contains(named)), "{named}: {damage:?}");
+    }
+}
+
+/// B2b, the whole signal and its parts.
+#[test]
+fn new_codes_of_beidou_are_read() {
+    let types = ("C    3 C7D C7P C7Z", "SYS / # / OBS TYPES");
+    let text = header_3("3.04", 'C', &[types])
+        + &epoch_3(0, 0, 1)
+        + &format!("C30{}{}{}\n", field(2e7, ""), field(2.1e7, ""), field(2.2e7, ""));
+    let epochs = read_whole(&text);
+    assert_eq!(find(&epochs[0], "C30", "C7Z").pseudorange_m, Some(2.2e7));
+    assert_eq!(epochs[0].observations.len(), 3);
+}
+
+/// What writers do wrong without spoiling an observation is no damage to the phases.
+#[test]
+fn harmless_faults_touch_no_phase() {
+    let shifts = [
+        GPS_TYPES,
+        ("G 1C", "SYS / PHASE SHIFT"),
+        ("G 2X  0.25000", "SYS / PHASE SHIFT"),
+        ("?", "SYS / PHASE SHIFT"),
+    ];
+    let nan = format!("{:>14}  ", "NaN");
+    let with_nan = format!("G07{}{nan}{}{}\n", field(2.1e7, ""), field(-12.5, ""), field(45.0, ""));
+    let epoch = |second: u32| epoch_3(second, 0, 2) + &gps("G05", 2e7, 1e8, "") + &with_nan;
+    let text = header_3("3.05", 'M', &shifts) + &epoch(0) + &epoch(1) + "END OF FILE\n";
+    let epochs = read_whole(&text);
+    assert_eq!(find(&epochs[1], "G07", "G1C").phase_cycles, None);
+    assert_eq!(find(&epochs[1], "G07", "G1C").pseudorange_m, Some(2.1e7));
+    assert!(epochs.iter().flat_map(|e| &e.observations).all(|o| o.lock.0 == 0));
+    let header = open(&text).header().clone();
+    assert_eq!(header.phase_shifts.len(), 2);
+    assert_eq!(header.phase_shifts[0].correction_cycles, None);
+    assert_eq!(header.phase_shifts[1].correction_cycles, Some(0.25));
+}
+
+/// An epoch line that states a satellite more than follow: only one that was there before and is
+/// missing can have lost its digit.
+#[test]
+fn a_wrong_count_of_satellites_slips_nothing_that_is_there() {
+    let g05 = gps("G05", 2e7, 1e8, "");
+    let g07 = gps("G07", 2.1e7, 1.1e8, "");
+    let text = header_3("3.05", 'M', &[GPS_TYPES])
+        + &(epoch_3(0, 0, 3) + &g05 + &g07)
+        + &(epoch_3(1, 0, 3) + &g05 + &g07)
+        + &(epoch_3(2, 0, 2) + &g05)
+        + &(epoch_3(3, 0, 3) + &g05 + &g07)
+        + &(epoch_3(4, 0, 1) + &g05 + &g07);
+    let (epochs, damage) = read(&text);
+    let slipped = |second: usize| -> Vec<String> {
+        let slipped = epochs[second].observations.iter().filter(|o| o.lock.slipped());
+        slipped.map(|o| o.satellite.to_string()).collect()
+    };
+    assert_eq!([0, 1, 2, 4].map(slipped), [const { Vec::<String>::new() }; 4]);
+    assert_eq!(slipped(3), ["G07"]);
+    assert_eq!(damage, 5);
+}
+
 /// A phase that is lost in damage takes its digit along: the next one may have slipped.
 #[test]
 fn a_lost_digit_is_a_slip() {

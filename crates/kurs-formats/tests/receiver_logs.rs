@@ -674,9 +674,9 @@ impl Read for Stalled {
     }
 }
 
-/// A stream begun with a date that is years off goes on with the one that its ephemerides tell.
+/// A stream begun with a date that is years off ends, and says which week it is of.
 #[test]
-fn ephemerides_correct_a_wrong_week() {
+fn ephemerides_tell_that_the_week_is_wrong() {
     let epochs = written_epochs(&COMMON, 0.5);
     let numbered = |number: u8| {
         let mut data = NavigationData::default();
@@ -697,18 +697,239 @@ fn ephemerides_correct_a_wrong_week() {
     epochs[4..].iter().for_each(|epoch| with.write(epoch).unwrap());
     let bytes = [without.finish(), with.finish()].concat();
     let year_s = 52.0 * 604_800.0;
-    let options = LogOptions {
-        approximate_time: Some(epochs[0].time + year_s),
-        as_received: true,
-        ..LogOptions::default()
+    for (off_s, given) in [(year_s, 4), (0.0, 9)] {
+        let options = LogOptions {
+            approximate_time: Some(epochs[0].time + off_s),
+            ..LogOptions::default()
+        };
+        let source = Source::new(std::io::Cursor::new(bytes.clone()), "stream").unwrap();
+        let mut reader = LogReader::of_stream(source, &options).unwrap();
+        let mut epoch = AntennaEpoch::default();
+        let mut count = 0;
+        let outcome = loop {
+            match reader.next_epoch(&mut epoch) {
+                Ok(true) => count += 1,
+                Ok(false) => break String::new(),
+                Err(error) => break error.to_string(),
+            }
+        };
+        assert_eq!(count, given, "{outcome}");
+        let told = reader.told_date().map(|date| (date - epochs[0].time).abs() < 86_400.0);
+        assert_eq!(told, (off_s > 0.0).then_some(true));
+        assert_eq!(outcome.contains("ephemerides of 2024-"), off_s > 0.0, "{outcome}");
+    }
+}
+
+/// The message with other bits in its epoch time, which stands behind 24 bits of the message.
+fn at_time(frame: &[u8], change: impl Fn(u64) -> u64) -> Vec<u8> {
+    let mut frame = frame.to_vec();
+    let word = u64::from_be_bytes(frame[3..11].try_into().unwrap());
+    let (rest, time) = (word & !(0x3fff_ffff << 10), word >> 10 & 0x3fff_ffff);
+    frame[3..11].copy_from_slice(&(rest | (change(time) & 0x3fff_ffff) << 10).to_be_bytes());
+    resealed(frame)
+}
+
+/// The log of [`written_epochs`], its messages, its epochs.
+fn rtcm_log() -> (Vec<Vec<u8>>, Vec<AntennaEpoch>) {
+    let epochs = written_epochs(&COMMON, 1.0);
+    let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let bytes = writer.finish();
+    (frames(&bytes).map(<[u8]>::to_vec).collect(), read_all(bytes).0)
+}
+
+fn damage_of(bytes: Vec<u8>) -> Vec<String> {
+    let mut source = ObservationSource::new(std::io::Cursor::new(bytes), "log").unwrap();
+    while source.next_epoch(&mut AntennaEpoch::default()).unwrap() {}
+    source.damage().iter().map(|damage| damage.what.to_string()).collect()
+}
+
+/// GLONASS with a day of the week ahead or behind, SBAS with the time of the day, first or last in
+/// their epochs: the other systems know the day.
+#[test]
+fn days_that_contradict_the_other_systems_are_not_believed() {
+    const GLONASS: u16 = 1087;
+    const SBAS: u16 = 1107;
+    let (messages, wanted) = rtcm_log();
+    for day in [0, 2, 5, 6] {
+        for glonass_first in [false, true] {
+            let mut changed: Vec<Vec<u8>> = Vec::new();
+            for message in &messages {
+                let wrong = match number(message) {
+                    GLONASS => at_time(message, |time| time & 0x7ff_ffff | day << 27),
+                    SBAS => at_time(message, |time| time % 86_400_000),
+                    _ => message.clone(),
+                };
+                let place = match number(message) {
+                    GLONASS if glonass_first => {
+                        changed.iter().rposition(|m| number(m) == 1077).unwrap()
+                    }
+                    _ => changed.len(),
+                };
+                changed.insert(place, wrong);
+            }
+            let bytes = changed.concat();
+            let (read, _) = read_all(bytes.clone());
+            assert_eq!(read.len(), wanted.len(), "day {day}");
+            for (found, wanted) in read.iter().zip(&wanted) {
+                assert_eq!(found.time, wanted.time);
+                let of = |epoch: &AntennaEpoch| {
+                    let mut all = epoch.observations.clone();
+                    all.sort_by_key(|o| (o.satellite, o.signal));
+                    all
+                };
+                assert_eq!(of(found), of(wanted));
+            }
+            let damage = damage_of(bytes);
+            assert!(damage.iter().all(|what| what.contains("another day")), "{damage:?}");
+            assert!((1..=2).contains(&damage.len()), "{damage:?}");
+        }
+    }
+}
+
+/// A message from an hour ago or ahead, in the midst of an epoch, between two, at both ends.
+#[test]
+fn one_stray_message_costs_nothing() {
+    let (messages, wanted) = rtcm_log();
+    let gps: Vec<usize> = (0..messages.len()).filter(|i| number(&messages[*i]) == 1077).collect();
+    let ahead_or_back = [3_600_000, 604_800_000 - 3_600_000];
+    for ahead_ms in ahead_or_back {
+        let stray = at_time(&messages[gps[3]], |time| (time + ahead_ms) % 604_800_000);
+        for place in [gps[0], gps[0] + 1, gps[4], gps[4] + 2, gps[8] + 1, messages.len()] {
+            let mut mixed = messages.clone();
+            mixed.insert(place, stray.clone());
+            let (read, damage) = read_all(mixed.concat());
+            let at = |epochs: &[AntennaEpoch]| -> Vec<(GpsTime, usize)> {
+                epochs.iter().map(|epoch| (epoch.time, epoch.observations.len())).collect()
+            };
+            let (found, wanted) = (at(&read), at(&wanted));
+            let kept: Vec<_> = found.iter().filter(|epoch| wanted.contains(epoch)).collect();
+            assert_eq!(kept.len(), wanted.len(), "{ahead_ms} at {place}: {found:?}");
+            // Only at the ends of the log can it be an epoch of its own.
+            assert!(damage == 1 || found.len() == wanted.len() + 1, "{ahead_ms} at {place}");
+        }
+    }
+}
+
+/// An ephemeris that a receiver has kept for four years comes first.
+#[test]
+fn the_week_is_that_of_most_ephemerides() {
+    let ephemeris = |number: u8, weeks_ago: f64| {
+        let reference_time = GpsTime::from_week_tow(2301, 18.0).unwrap() + -604_800.0 * weeks_ago;
+        let mut data = NavigationData::default();
+        let known = navigation();
+        let Some(Ephemeris::Glonass(r07)) = known.ephemerides.iter().next() else { panic!() };
+        let satellite = Satellite { number, ..r07.elements().satellite };
+        let elements = GlonassElements {
+            satellite,
+            reference_time,
+            transmission_time: reference_time,
+            ..*r07.elements()
+        };
+        data.ephemerides.insert(Ephemeris::Glonass(GlonassEphemeris::new(elements).unwrap()));
+        let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &data);
+        writer.write(&AntennaEpoch { time: reference_time, ..AntennaEpoch::default() }).unwrap();
+        let bytes = writer.finish();
+        frames(&bytes).find(|frame| self::number(frame) == 1020).unwrap().to_vec()
     };
-    let source = Source::new(std::io::Cursor::new(bytes), "stream").unwrap();
-    let mut reader = LogReader::of_stream(source, &options).unwrap();
-    let read = as_received(&mut reader);
-    let times: Vec<GpsTime> = read.iter().map(|(epoch, _)| epoch.time).collect();
-    // The fourth was still being built when the date changed, or had been given with its last message.
-    let wanted: Vec<GpsTime> = epochs.iter().map(|epoch| epoch.time).collect();
-    assert_eq!(times[..4], wanted[..4].iter().map(|t| *t + year_s).collect::<Vec<_>>());
-    assert_eq!(times[4..], wanted[4..]);
-    assert!(reader.damage()[0].what.contains("week is wrong"), "{:?}", reader.damage());
+    let (messages, wanted) = rtcm_log();
+    let without = messages.into_iter().filter(|message| number(message) != 1020);
+    let bytes: Vec<u8> = [ephemeris(8, 208.0), ephemeris(9, 0.0)]
+        .into_iter()
+        .chain(without)
+        .chain([ephemeris(7, 0.0)])
+        .flatten()
+        .collect();
+    let (read, _) = read_all(bytes.clone());
+    let times = |epochs: &[AntennaEpoch]| epochs.iter().map(|e| e.time).collect::<Vec<_>>();
+    assert_eq!(times(&read), times(&wanted));
+    let mut data = NavigationData::default();
+    let mut source = Source::new(std::io::Cursor::new(bytes), "log").unwrap();
+    let summary = kurs_formats::navigation::read(&mut source, &mut data).unwrap();
+    assert_eq!(data.ephemerides.len(), 3);
+    let damage = summary.damage.listed();
+    assert!(
+        damage.len() == 1 && damage[0].what.starts_with("R08: ephemeris of 2020"),
+        "{damage:?}"
+    );
+}
+
+/// A log whose first whole message is of another protocol than its observations, and one with
+/// observations of two.
+#[test]
+fn the_protocol_with_the_observations_counts() {
+    const ACK: [u8; 10] = [0xb5, 0x62, 0x05, 0x01, 0x02, 0x00, 0x06, 0x01, 0x0f, 0x38];
+    let epochs = written_epochs(&COMMON, 1.0);
+    let (rtcm, wanted) = rtcm_log();
+    let place = rtcm.iter().find(|message| number(message) == 1006).unwrap().clone();
+    let mut writer = UbxWriter::new(Vec::new(), &navigation());
+    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let ubx = writer.finish();
+
+    let behind_place = [b"$GNGGA,,,*56\r\n".to_vec(), place, ubx.clone()].concat();
+    let mut source =
+        ObservationSource::new(std::io::Cursor::new(behind_place.clone()), "log").unwrap();
+    let mut epoch = AntennaEpoch::default();
+    assert!(source.next_epoch(&mut epoch).unwrap());
+    assert_eq!(epoch.time, epochs[0].time);
+    assert_eq!(source.stated_position_m(), Some(Vector::new(4e6, 3e5, 4.9e6)));
+    assert_eq!(read_all(behind_place), (read_all(ubx.clone()).0, 0));
+
+    let behind_ack = [ACK.to_vec(), rtcm.concat()].concat();
+    assert_eq!(read_all(behind_ack), (wanted.clone(), 0));
+
+    let both = [rtcm.concat(), ubx.clone()].concat();
+    let open = |protocol: Option<&str>| {
+        let source = Source::new(std::io::Cursor::new(both.clone()), "log").unwrap();
+        let protocol = protocol.map(|name| name.parse().unwrap());
+        let options = LogOptions { protocol, ..LogOptions::default() };
+        ObservationSource::from_source_with(source, &options).unwrap()
+    };
+    let mut source = open(None);
+    let error = loop {
+        match source.next_epoch(&mut epoch) {
+            Ok(more) => assert!(more, "no error"),
+            Err(error) => break error.to_string(),
+        }
+    };
+    assert!(error.contains("u-blox") && error.contains("`protocol`"), "{error}");
+    // A station chooses its protocol, wherever the other one's messages are.
+    let source = Source::new(std::io::Cursor::new([ubx, rtcm.concat()].concat()), "log").unwrap();
+    let options = LogOptions { station: Some(9), ..LogOptions::default() };
+    let mut source = ObservationSource::from_source_with(source, &options).unwrap();
+    assert!(source.next_epoch(&mut epoch).unwrap());
+    assert_eq!(epoch, wanted[0]);
+    for name in ["ubx", "rtcm3"] {
+        let mut source = open(Some(name));
+        let mut count = 0;
+        while source.next_epoch(&mut epoch).unwrap() {
+            count += 1;
+        }
+        assert_eq!((count, source.damage_count()), (9, 0), "{name}");
+    }
+}
+
+/// Observations that are not read are counted: MSM 3, and the raw data of older receivers.
+#[test]
+fn what_is_not_read_is_named_and_counted() {
+    let (messages, _) = rtcm_log();
+    let as_msm_3 = |message: &Vec<u8>| match number(message) {
+        1077 => {
+            let mut frame = message.clone();
+            let number = 1073u16 << 4 | u16::from(frame[4] & 0xf);
+            frame[3..5].copy_from_slice(&number.to_be_bytes());
+            resealed(frame)
+        }
+        _ => message.clone(),
+    };
+    let damage = damage_of(messages.iter().flat_map(as_msm_3).collect());
+    assert!(
+        damage.len() == 1 && damage[0].starts_with("9 messages 1073 are not read:"),
+        "{damage:?}"
+    );
+
+    let raw = [0x02, 0x10, 0x00, 0x00, 0x12, 0x38];
+    let log = [&[0xb5, 0x62][..], &raw].concat();
+    let damage = damage_of([log.clone(), log].concat());
+    assert!(damage[0].starts_with("2 messages RXM-RAW are not read:"), "{damage:?}");
 }

@@ -1,5 +1,6 @@
-//! Multiple signal messages of the kinds that no writer of ours makes: MSM 4, 5 and 6, put together
-//! here bit by bit as tables 3.5-78 to 3.5-87 of RTCM 10403.3 list them, beside MSM 7.
+//! Observation messages of the kinds that no writer of ours makes: MSM 4, 5 and 6, put together here
+//! bit by bit as tables 3.5-78 to 3.5-87 of RTCM 10403.3 list them, beside MSM 7; and those before
+//! them, 1002, 1004, 1010 and 1012.
 #![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // a test, of small numbers
 
 use kurs::observation::AntennaEpoch;
@@ -129,6 +130,10 @@ fn message(kind: u32) -> Vec<u8> {
         }
     }
 
+    framed(&bits)
+}
+
+fn framed(bits: &Bits) -> Vec<u8> {
     let body = bits.bytes();
     let mut frame = vec![0xd3];
     frame.extend(u16::try_from(body.len()).unwrap().to_be_bytes());
@@ -175,6 +180,108 @@ fn every_kind_says_the_same() {
             assert_eq!(o.cn0_dbhz, Some(strength_dbhz), "{what}");
             assert_eq!(o.lock.half_cycle_unresolved(), (s, k) == (0, 0), "{what}");
         }
+    }
+}
+
+/// GLONASS on channel −4: both bands.
+const GLONASS_M: [f64; 2] =
+    [299_792_458.0 / (1602.0 - 4.0 * 0.5625) / 1e6, 299_792_458.0 / (1246.0 - 4.0 * 0.4375) / 1e6];
+/// Range of the first band, what the second one's is longer, phases less the first range, m.
+const RANGE_M: f64 = 21_234_567.88;
+const SECOND_M: f64 = -3.42;
+const PHASES_M: [f64; 2] = [12.3455, -101.25];
+
+/// 1002, 1004, 1010 or 1012 (tables 3.5-2, 3.5-4, 3.5-10 and 3.5-12) of these satellites; the last
+/// one has no phases, and no range on the second band.
+fn legacy(number: u64, satellites: &[u64]) -> Vec<u8> {
+    let (is_glonass, has_second) = (number >= 1009, number % 4 == 0);
+    let mut bits = Bits::default();
+    bits.unsigned(12, number);
+    bits.unsigned(12, 7);
+    if is_glonass {
+        // Moscow is three hours ahead of UTC, which is 18 s behind.
+        bits.unsigned(27, (TOW_MS - 18_000 + 3 * 3_600_000) % 86_400_000);
+    } else {
+        bits.unsigned(30, TOW_MS);
+    }
+    bits.unsigned(1, 0);
+    bits.unsigned(5, satellites.len() as u64);
+    bits.unsigned(1 + 3, 0);
+    let modulus_m = if is_glonass { 2.0 * MS_M } else { MS_M };
+    let whole = (RANGE_M / modulus_m).floor();
+    for satellite in satellites {
+        let is_last = Some(satellite) == satellites.last();
+        bits.unsigned(6, *satellite);
+        bits.unsigned(1, 0);
+        if is_glonass {
+            bits.unsigned(5, 3);
+        }
+        let part = ((RANGE_M - whole * modulus_m) / 0.02).round() as u64;
+        bits.unsigned(if is_glonass { 25 } else { 24 }, part);
+        bits.signed(20, (!is_last).then(|| PHASES_M[0] / 0.0005));
+        bits.unsigned(7, 25);
+        bits.unsigned(if is_glonass { 7 } else { 8 }, whole as u64);
+        bits.unsigned(8, 181);
+        if has_second {
+            bits.unsigned(2, 1);
+            bits.signed(14, (!is_last).then(|| SECOND_M / 0.02));
+            bits.signed(20, (!is_last).then(|| PHASES_M[1] / 0.0005));
+            bits.unsigned(7, 127);
+            bits.unsigned(8, 160);
+        }
+    }
+    framed(&bits)
+}
+
+#[test]
+fn messages_before_the_multiple_signal_messages_are_read() {
+    for (number, satellites, names) in [
+        (1002, vec![5, 43, 12], vec!["G05 G1C", "S23 S1C", "G12 G1C"]),
+        (1004, vec![5, 12], vec!["G05 G1C", "G05 G2P", "G12 G1C", "G12 G2P"]),
+        (1010, vec![7, 24], vec!["R07 R1C", "R24 R1C"]),
+        (1012, vec![7, 24], vec!["R07 R1C", "R07 R2P", "R24 R1C", "R24 R2P"]),
+    ] {
+        let epoch = read(legacy(number, &satellites));
+        assert_eq!(epoch.time, GpsTime::from_week_tow(2300, 216_000.0).unwrap(), "{number}");
+        let found: Vec<String> =
+            epoch.observations.iter().map(|o| format!("{} {}", o.satellite, o.signal)).collect();
+        assert_eq!(found, names);
+        let last = epoch.observations.last().unwrap().satellite;
+        for o in &epoch.observations {
+            let band = usize::from(o.signal.band.digit - 1);
+            let wavelength_m = if number >= 1009 { GLONASS_M[band] } else { WAVELENGTHS_M[band] };
+            let is_last = o.satellite == last;
+            let range_m = RANGE_M + [0.0, SECOND_M][band];
+            match o.pseudorange_m {
+                Some(found) => assert!((found - range_m).abs() < 0.011, "{number} {found}"),
+                None => assert!(is_last && band == 1, "{number}"),
+            }
+            match o.phase_cycles {
+                Some(cycles) => {
+                    let phase_m = cycles * wavelength_m - RANGE_M;
+                    assert!((phase_m - PHASES_M[band]).abs() < 0.011, "{number} {phase_m}");
+                }
+                None => assert!(is_last, "{number}"),
+            }
+            assert_eq!(o.cn0_dbhz, Some([45.25, 40.0][band]), "{number}");
+            assert_eq!(o.lock.0, 0);
+        }
+    }
+}
+
+/// The same epoch in both kinds of messages: GPS is that of the newer ones, SBAS of the older.
+#[test]
+fn newer_messages_go_before_older_ones() {
+    for older_first in [true, false] {
+        let mut both = [message(7), legacy(1002, &[5, 43, 12])];
+        if older_first {
+            both.reverse();
+        }
+        let epoch = read(both.concat());
+        assert_eq!(epoch.observations.len(), 5 + 1);
+        let of_newer = read(message(7)).observations;
+        assert_eq!(epoch.observations[..5], of_newer[..]);
+        assert_eq!(epoch.observations[5].satellite.to_string(), "S23");
     }
 }
 

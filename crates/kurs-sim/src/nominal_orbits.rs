@@ -224,7 +224,7 @@ fn insert_kepler(
 }
 
 /// The record with its reference time `reference_s` after the start of the week.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // an issue is below 250
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // an issue is below 240
 fn kepler_elements(
     orbit: &Orbit,
     clock: &SatelliteClock,
@@ -265,8 +265,7 @@ fn kepler_elements(
         reference_time,
         clock_reference_time: reference_time,
         transmission_time: reference_time + -HOUR_S / 2.0,
-        // Issues of data differ from record to record.
-        issue: (reference_s / HOUR_S).rem_euclid(250.0) as u16,
+        issue: (reference_s / HOUR_S).rem_euclid(issues(system)) as u16,
         clock_bias_s: clock.bias_s + clock.drift * reference_s,
         clock_drift: clock.drift,
         clock_drift_rate: 0.0,
@@ -292,6 +291,15 @@ fn kepler_elements(
     }
 }
 
+/// Issues of data differ from record to record, and fit the messages: eight bits of GPS (IODE), five
+/// of BeiDou (AODE, which is the age in hours up to 24).
+const fn issues(system: System) -> f64 {
+    match system {
+        System::BeiDou => 24.0,
+        _ => 240.0,
+    }
+}
+
 fn wrapped(angle_rad: f64) -> f64 {
     (angle_rad + PI).rem_euclid(TAU) - PI
 }
@@ -305,11 +313,13 @@ fn insert_glonass(
     duration_s: f64,
 ) -> Result<(), BadEphemeris> {
     const STEP_S: f64 = HOUR_S / 2.0;
-    let leap_s = f64::from(start.leap_seconds());
-    let utc_s = start.tow_s() - leap_s;
     let week_start = start + -start.tow_s();
-    let mut reference_s =
-        ((utc_s - STEP_S / 2.0) / STEP_S).round() * STEP_S + STEP_S / 2.0 + leap_s;
+    // A leap second moves the quarters of UTC against GPST.
+    let on_gpst_s = |utc_s: f64| utc_s + f64::from((week_start + utc_s).leap_seconds());
+    let start_utc_s = start.tow_s() - f64::from(start.leap_seconds());
+    let mut reference_utc_s =
+        ((start_utc_s - STEP_S / 2.0) / STEP_S).round() * STEP_S + STEP_S / 2.0;
+    let mut reference_s = on_gpst_s(reference_utc_s);
     let (mut position_m, mut velocity_mps) = circular(orbit, reference_s);
     loop {
         let elements = GlonassElements {
@@ -331,7 +341,8 @@ fn insert_glonass(
         if reference_s + STEP_S / 2.0 > start.tow_s() + duration_s {
             return Ok(());
         }
-        reference_s += STEP_S;
+        reference_utc_s += STEP_S;
+        reference_s = on_gpst_s(reference_utc_s);
         let Some(next) = record.state(week_start + reference_s) else { return Ok(()) };
         (position_m, velocity_mps) = (next.position_m, next.velocity_mps);
     }

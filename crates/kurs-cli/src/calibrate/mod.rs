@@ -250,6 +250,10 @@ fn report_accelerometer(
     let Gravity { mps2: gravity_mps2, sd_mps2: gravity_sd_mps2 } = *gravity;
     let model = &model.with_gravity_sd(gravity_mps2, gravity_sd_mps2);
     let residuals = multi_pose::residuals_mps2(poses, model, gravity_mps2);
+    let numbers = model.matrix.iter().chain(&model.matrix_sd);
+    if !numbers.chain(&model.bias_mps2).chain(&model.bias_sd_mps2).all(|value| value.is_finite()) {
+        bail!("the poses do not determine the calibration: a value of it is no number");
+    }
     println!("{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²", poses.len());
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         println!(
@@ -326,14 +330,19 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
     }
     let bias = gyro_bias::calibrate(samples)?;
     let mut curves = Vec::new();
-    let (mut noise, mut instability) = ([f64::NAN; 3], [f64::NAN; 3]);
+    let (mut noise, mut instability) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let values: Vec<f64> = samples.iter().map(|sample| sample[axis]).collect();
         let curve = allan::deviation(&values, log.step_s());
-        if let Some(summary) = allan::summary(&curve) {
-            noise[axis] = summary.noise_density;
-            instability[axis] = summary.bias_instability;
-        }
+        let Some(summary) = allan::summary(&curve) else {
+            bail!(
+                "{}: the longest rest has {} samples, too few for the Allan deviation of the noise",
+                file.display(),
+                samples.len()
+            );
+        };
+        noise[axis] = summary.noise_density;
+        instability[axis] = summary.bias_instability;
         curves.push(curve);
     }
     println!("rest of {:.1} s", samples.len() as f64 * log.step_s());

@@ -62,6 +62,10 @@ impl Calibration {
             calibration.bias_mps2 = found.bias_mps2.into();
         }
         calibration.gyro_bias_radps = gyro.map(|gyro| gyro.bias_radps.into());
+        let biases = [Some(calibration.bias_mps2), calibration.gyro_bias_radps];
+        if !biases.iter().flatten().flatten().all(|value| value.is_finite()) {
+            bail!("{name}: a bias is not a number");
+        }
         Ok(calibration)
     }
 

@@ -2,6 +2,7 @@
 
 mod antennas;
 mod arcs;
+mod messages;
 mod navigation;
 mod observations;
 mod oddities;
@@ -9,19 +10,22 @@ mod sky;
 mod text;
 mod timeline;
 
+use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use kurs::ephemeris::NavigationData;
+use kurs::time::{Calendar, GpsTime};
 use kurs_formats::content::Content;
-use kurs_formats::damage::Damage;
-use kurs_formats::logs::{self, LogPart};
+use kurs_formats::damage::{Damage, DamageLog};
+use kurs_formats::logs::{self, Census, LogOptions, LogPart};
 use kurs_formats::source::{ReadError, Source, can_be_read_again};
 use serde::Serialize;
 
 use crate::failure::UsageError;
 use crate::output::OutputFile;
+use crate::solve::input::middle_time;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
 #[derive(Debug, clap::Args)]
@@ -32,6 +36,9 @@ pub(crate) struct Args {
     /// Navigation files for the sky, not reported themselves (those among the files serve too).
     #[arg(long, value_name = "FILE", num_args = 1..)]
     nav: Vec<PathBuf>,
+    /// UTC date of RTCM 3 logs that tell no week and are not dated by `--nav` or their names.
+    #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
+    date: Option<GpsTime>,
     /// Writes everything as JSON, with the data of the sky plot, to a file; without one to
     /// standard output in place of the tables.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
@@ -72,13 +79,33 @@ impl DamageReport {
     }
 }
 
+/// What is known when a file is read.
+struct Known {
+    /// Of all files.
+    navigation: NavigationData,
+    options: LogOptions,
+    /// What could not be used, or disagrees, among the ephemerides in logs.
+    log_damage: BTreeMap<PathBuf, DamageLog>,
+}
+
+/// Noon of a day.
+fn date(text: &str) -> Result<GpsTime, String> {
+    let expected = || format!("found {text:?}, expected a date since 1980 as YYYY-MM-DD");
+    let parts: Vec<i32> = text.split('-').filter_map(|part| part.parse().ok()).collect();
+    let [year, month, day] = parts[..] else { return Err(expected()) };
+    let small = |number: i32| u8::try_from(number).unwrap_or(0);
+    let (month, day) = (small(month), small(day));
+    let noon = Calendar { year, month, day, hour: 12, minute: 0, second: 0.0 };
+    GpsTime::from_calendar(noon).ok_or_else(expected)
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(args)?;
-    let navigation = read_navigation(args)?;
+    let known = read_navigation(args)?;
     let mut reports = Vec::new();
     for file in &args.files {
-        let found = inspect(file, &navigation).unwrap_or_else(|error| {
+        let found = inspect(file, &known).unwrap_or_else(|error| {
             eprintln!("error: {error}");
             let (file, error) = (file.display().to_string(), error.to_string());
             vec![Report::Unusable { file, error }]
@@ -124,40 +151,55 @@ fn write_json(path: &Path, reports: &[Report]) -> anyhow::Result<()> {
 }
 
 /// Everything that tells where satellites were: the files of `--nav`, which must be usable, and
-/// those among the others.
-fn read_navigation(args: &Args) -> Result<NavigationData, ReadError> {
+/// those among the others. Logs without a week are dated by all of them that are no logs.
+fn read_navigation(args: &Args) -> Result<Known, ReadError> {
     let mut data = NavigationData::default();
     for file in &args.nav {
-        kurs_formats::navigation::read(&mut Source::open(file)?, &mut data)?;
+        kurs_formats::navigation::read_near(&mut Source::open(file)?, args.date, &mut data)?;
     }
+    let mut logs = Vec::new();
     for file in &args.files {
         // A file that cannot be read is told of where it is reported.
         if !can_be_read_again(file) {
             continue;
         }
-        let Ok(mut source) = Source::open(file) else { continue };
-        let content = source.start(Content::ENOUGH).map(Content::of);
-        let has_orbits = |content: &Content| {
-            content.is_log() || matches!(content, Content::RinexNavigation | Content::Sp3)
-        };
-        if content.as_ref().is_ok_and(has_orbits) {
-            let _ = kurs_formats::navigation::read(&mut source, &mut data);
+        match Content::of_file(file) {
+            Ok(content) if content.is_log() => logs.push(file),
+            Ok(Content::RinexNavigation | Content::Sp3) => {
+                let Ok(mut source) = Source::open(file) else { continue };
+                let _ = kurs_formats::navigation::read(&mut source, &mut data);
+            }
+            _ => {}
         }
     }
-    Ok(data)
+    let navigation_time = middle_time(&data);
+    let mut log_damage = BTreeMap::new();
+    for file in logs {
+        let Ok(mut source) = Source::open(file) else { continue };
+        let near = args.date.or(navigation_time);
+        let read = kurs_formats::navigation::read_near(&mut source, near, &mut data);
+        log_damage.extend(read.ok().map(|summary| (file.clone(), summary.damage)));
+    }
+    let options = LogOptions {
+        approximate_time: args.date,
+        navigation_time,
+        any_week: true,
+        ..LogOptions::default()
+    };
+    Ok(Known { navigation: data, options, log_damage })
 }
 
 /// The report on a file; on a log of several stations or antennas one for each of them.
-fn inspect(file: &Path, navigation: &NavigationData) -> Result<Vec<Report>, ReadError> {
+fn inspect(file: &Path, known: &Known) -> Result<Vec<Report>, ReadError> {
     if !can_be_read_again(file) {
         let (file, found) = (file.display().to_string(), "a pipe".to_owned());
         let expected = "a file: it is read more than once";
         return Err(ReadError::WrongContent { file, found, expected });
     }
     let mut source = Source::open(file)?;
-    let content = Content::of(source.start(Content::ENOUGH)?);
-    let observations = |part: Option<LogPart>| {
-        let report = observations::inspect(file, &content, part, navigation)?;
+    let content = Content::of_file(file)?;
+    let observations = |part: Option<LogPart>, messages: Option<&Census>| {
+        let report = observations::inspect(file, &content, part, messages, known)?;
         Ok(Report::Observations(Box::new(report)))
     };
     let report = match content {
@@ -167,14 +209,17 @@ fn inspect(file: &Path, navigation: &NavigationData) -> Result<Vec<Report>, Read
         }
         Content::Sp3 => navigation::inspect(&mut source, "SP3 orbits").map(Report::Navigation),
         Content::Antex => antennas::inspect(&mut source).map(Report::Antennas),
-        Content::Rtcm3 | Content::Sbf => {
-            let parts = logs::parts(&mut source)?;
-            if parts.len() > 1 {
-                return parts.into_iter().map(|part| observations(Some(part))).collect();
+        Content::Ubx | Content::Rtcm3 | Content::Sbf => {
+            let census = logs::census(&mut source)?;
+            if census.parts.len() > 1 {
+                let parts = census.parts.iter().enumerate();
+                // The messages are told once.
+                let messages = |index| (index == 0).then_some(&census);
+                return parts.map(|(i, part)| observations(Some(*part), messages(i))).collect();
             }
-            observations(None)
+            observations(None, Some(&census))
         }
-        Content::RinexObservation | Content::CompactRinex | Content::Ubx => observations(None),
+        Content::RinexObservation | Content::CompactRinex => observations(None, None),
         other => Err(source.wrong_content(
             other.to_string(),
             "observations, navigation data, orbits (SP3) or antennas (ANTEX)",

@@ -3,21 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, Observation};
 use kurs::signal::{Satellite, Signal, System};
 use kurs_formats::content::Content;
-use kurs_formats::logs::LogPart;
+use kurs_formats::logs::{Census, LogOptions, LogPart};
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rinex::observation::{Event, ObservationHeader};
 use kurs_formats::source::ReadError;
 use serde::Serialize;
 
-use super::DamageReport;
 use super::arcs::{Arcs, Jumps, phases};
+use super::messages::{MessageReport, messages};
 use super::oddities::oddities;
 use super::sky::{SkyReport, SkyWatch};
 use super::timeline::{TimeReport, Timeline};
+use super::{DamageReport, Known};
+use crate::solve::input::SOURCES_OF_EPHEMERIDES;
 
 /// What is in an observation file.
 #[derive(Debug, Serialize)]
@@ -31,6 +32,8 @@ pub(super) struct ObservationReport {
     /// `None` for a log.
     pub(super) header: Option<HeaderReport>,
     pub(super) time: TimeReport,
+    /// Of a log; told with its first station or antenna.
+    pub(super) messages: Vec<MessageReport>,
     /// Number of satellites of each system.
     pub(super) satellites: BTreeMap<String, usize>,
     pub(super) signals: Vec<SignalReport>,
@@ -135,9 +138,16 @@ pub(super) fn inspect(
     file: &Path,
     content: &Content,
     part: Option<LogPart>,
-    navigation: &NavigationData,
+    census: Option<&Census>,
+    Known { navigation, options, log_damage }: &Known,
 ) -> Result<ObservationReport, ReadError> {
-    let options = part.map(LogPart::options).unwrap_or_default();
+    let chosen = part.map(LogPart::options).unwrap_or_default();
+    let options = LogOptions {
+        protocol: chosen.protocol,
+        station: chosen.station,
+        antenna: chosen.antenna,
+        ..*options
+    };
     let mut source = ObservationSource::open_with(file, &options)?;
     let mut gathered = Gathered::default();
     let mut sky = SkyWatch::new(navigation);
@@ -153,16 +163,32 @@ pub(super) fn inspect(
     let sky = sky.report(stated_m);
     let header = source.header();
     let mut oddities = oddities(header, &gathered, sky.as_ref());
+    let is_log = header.is_none();
     if sky.is_none() && !navigation.ephemerides.is_empty() {
         oddities.push("no sky: the navigation data are of other satellites or times".into());
+    } else if is_log && navigation.ephemerides.is_empty() {
+        oddities
+            .push(format!("no ephemerides in the log: for an attitude {SOURCES_OF_EPHEMERIDES}"));
+    }
+    let is_dated = source.is_dated();
+    if !is_dated {
+        oddities.push("the week is not known: give --date or --nav".into());
+    }
+    let (mut damage, mut damage_count) = (source.damage().to_vec(), source.damage_count());
+    if let Some(of_ephemerides) = census.and_then(|_| log_damage.get(file)) {
+        damage.extend_from_slice(of_ephemerides.listed());
+        damage.sort_by_key(|damage| damage.line);
+        damage_count += of_ephemerides.total();
     }
     Ok(ObservationReport {
         file: source.name().to_owned(),
         part: part.map(|part| part.to_string()),
-        format: format_of(content, header),
+        format: format_of(content, &source),
         stated_position_ecef_m: stated_m.map(|position_m| position_m.xyz().into()),
         header: header.map(HeaderReport::new),
-        time: gathered.timeline.report(),
+        time: gathered.timeline.report(is_dated),
+        messages: census
+            .map_or_else(Vec::new, |census| messages(census, gathered.timeline.duration_s())),
         satellites: gathered.satellites_by_system(),
         signals: gathered.signal_reports(),
         geometry_free: gathered.jump_reports(),
@@ -170,18 +196,18 @@ pub(super) fn inspect(
         oddities,
         sky,
         damage: DamageReport {
-            unit: if header.is_some() { "line" } else { "byte" },
-            ..DamageReport::new(source.damage(), source.damage_count())
+            unit: if is_log { "byte" } else { "line" },
+            ..DamageReport::new(&damage, damage_count)
         },
     })
 }
 
-fn format_of(content: &Content, header: Option<&ObservationHeader>) -> String {
-    let version = header.map(|header| header.version).unwrap_or_default();
-    match content {
-        Content::RinexObservation => format!("RINEX {version} observations"),
-        Content::CompactRinex => format!("RINEX {version} observations, compact"),
-        other => other.to_string(),
+fn format_of(content: &Content, source: &ObservationSource) -> String {
+    let version = source.header().map(|header| header.version).unwrap_or_default();
+    match (content, source) {
+        (_, ObservationSource::Log(log)) => log.protocol().to_string(),
+        (Content::CompactRinex, _) => format!("RINEX {version} observations, compact"),
+        _ => format!("RINEX {version} observations"),
     }
 }
 

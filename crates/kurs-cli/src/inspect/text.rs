@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::antennas::AntennaReport;
+use super::messages::MessageReport;
 use super::navigation::NavigationReport;
 use super::observations::{ObservationReport, SignalReport, Strength};
 use super::sky::SkyReport;
@@ -55,6 +56,7 @@ fn observations(report: &ObservationReport) -> String {
         format!("{time}: {} (line {})", event.what, event.line)
     });
     list(&mut text, "events", events, report.events.count);
+    text += &messages(&report.messages);
     text += &signals(&report.signals);
     text += &jumps(report);
     if let Some(sky) = &report.sky {
@@ -69,7 +71,8 @@ fn time(text: &mut String, time: &TimeReport) {
         return line(text, "epochs", "none");
     };
     let interval = time.interval_s.map_or(String::new(), |s| format!(", every {s} s"));
-    line(text, "epochs", &format!("{}{interval}, {first} to {last} GPST", time.epochs));
+    let week = if time.is_dated { "" } else { " of an unknown week" };
+    line(text, "epochs", &format!("{}{interval}, {first} to {last} GPST{week}", time.epochs));
     let gaps = &time.gaps;
     if gaps.count > 0 {
         let told = format!(
@@ -80,6 +83,18 @@ fn time(text: &mut String, time: &TimeReport) {
         let listed = gaps.listed.iter().map(|gap| format!("{} to {}", gap.from, gap.to));
         list(text, "", listed, gaps.count);
     }
+}
+
+/// The kinds of messages in a log.
+fn messages(messages: &[MessageReport]) -> String {
+    if messages.is_empty() {
+        return String::new();
+    }
+    let rows = messages.iter().map(|m| {
+        let rate = m.rate_hz.map_or(String::new(), |hz| format!("{hz:.2}"));
+        vec![m.message.clone(), m.count.to_string(), rate, m.read.to_owned()]
+    });
+    table(&["message", "count", "a second", "read as"], rows)
 }
 
 fn signals(signals: &[SignalReport]) -> String {

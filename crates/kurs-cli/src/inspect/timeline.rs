@@ -26,6 +26,8 @@ pub(super) struct Timeline {
 #[derive(Debug, Serialize)]
 pub(super) struct TimeReport {
     pub(super) epochs: u64,
+    /// Whether the week is known; if not, times are days of a week.
+    pub(super) is_dated: bool,
     /// First and last epoch, GPST.
     pub(super) first: Option<String>,
     pub(super) last: Option<String>,
@@ -90,21 +92,31 @@ impl Timeline {
         self.first.zip(self.last)
     }
 
-    pub(super) fn report(&self) -> TimeReport {
+    /// The time of the observations, the interval behind the last one included; `None` of fewer
+    /// than two.
+    pub(super) fn duration_s(&self) -> Option<f64> {
+        let (first, last) = self.span()?;
+        Some(last - first + self.interval_s()?)
+    }
+
+    /// In words; `is_dated` says whether the week is known.
+    pub(super) fn report(&self, is_dated: bool) -> TimeReport {
         let steps = self.steps_ms.iter();
+        let words = |time: GpsTime| words(time, is_dated);
         TimeReport {
             epochs: self.epochs,
-            first: self.first.map(|time| time.to_string()),
-            last: self.last.map(|time| time.to_string()),
+            is_dated,
+            first: self.first.map(words),
+            last: self.last.map(words),
             interval_s: self.interval_s(),
             steps: steps
                 .map(|(step, count)| Step { step_s: *step as f64 * 1e-3, count: *count })
                 .collect(),
-            gaps: self.interval_ms().map_or_else(Gaps::default, |interval| self.gaps(interval)),
+            gaps: self.interval_ms().map_or_else(Gaps::default, |ms| self.gaps(ms, words)),
         }
     }
 
-    fn gaps(&self, interval_ms: i64) -> Gaps {
+    fn gaps(&self, interval_ms: i64, words: impl Fn(GpsTime) -> String) -> Gaps {
         let mut gaps = Gaps::default();
         for (&step, &count) in self.steps_ms.iter().filter(|(step, _)| is_gap(**step, interval_ms))
         {
@@ -114,9 +126,23 @@ impl Timeline {
             gaps.longest_s = step as f64 * 1e-3;
         }
         let long = self.long.iter().filter(|(a, b)| is_gap(milliseconds(*a, *b), interval_ms));
-        gaps.listed = long.map(|(a, b)| Gap { from: a.to_string(), to: b.to_string() }).collect();
+        gaps.listed = long.map(|(a, b)| Gap { from: words(*a), to: words(*b) }).collect();
         gaps
     }
+}
+
+/// The date and time, or the day of the week where the week is not known.
+fn words(time: GpsTime, is_dated: bool) -> String {
+    const DAYS: [&str; 7] =
+        ["Sunday", "Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday"];
+    const DAY_NS: i64 = 86_400_000_000_000;
+    let text = time.to_string();
+    if is_dated {
+        return text;
+    }
+    let day = usize::try_from(time.as_nanoseconds().div_euclid(DAY_NS).rem_euclid(7)).unwrap_or(0);
+    let of_day = text.split_once('T').map_or("", |(_, of_day)| of_day);
+    format!("{} {of_day}", DAYS[day])
 }
 
 fn milliseconds(from: GpsTime, to: GpsTime) -> i64 {
@@ -137,7 +163,7 @@ mod tests {
         for tenth in tenths {
             timeline.add(GpsTime::from_nanoseconds(tenth * 100_000_000));
         }
-        timeline.report()
+        timeline.report(true)
     }
 
     #[test]
@@ -157,6 +183,17 @@ mod tests {
         assert_eq!(times.interval_s, Some(30.0));
         assert_eq!(times.gaps.count, 0);
         assert_eq!(times.gaps.listed.len(), 0);
+    }
+
+    /// GPS time began on a Sunday.
+    #[test]
+    fn days_of_an_unknown_week() {
+        let mut timeline = Timeline::default();
+        timeline.add(GpsTime::from_week_tow(2300, 2.5 * 86_400.0 + 1.25).unwrap());
+        timeline.add(GpsTime::from_week_tow(2300, 604_799.0).unwrap());
+        let times = timeline.report(false);
+        assert_eq!(times.first.as_deref(), Some("Tuesday 12:00:01.250"));
+        assert_eq!(times.last.as_deref(), Some("Saturday 23:59:59.000"));
     }
 
     #[test]

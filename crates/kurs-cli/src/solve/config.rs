@@ -12,7 +12,7 @@ use kurs::frames::Vector;
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
-use kurs_formats::logs::LogOptions;
+use kurs_formats::logs::Protocol;
 use kurs_formats::sbf::AntennaId;
 use serde::{Deserialize, Deserializer};
 
@@ -47,6 +47,9 @@ pub(crate) struct AntennaTable {
     pub(crate) antenna_type: Option<String>,
     /// The north mark against the body's forward axis, clockwise seen from above.
     pub(crate) antenna_orientation_deg: Option<f64>,
+    /// Log of several protocols with observations: the one that is wanted.
+    #[serde(default, deserialize_with = "protocol")]
+    pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is this antenna.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is this one: main, aux1, aux2.
@@ -55,6 +58,10 @@ pub(crate) struct AntennaTable {
 }
 
 fn antenna_id<'de, D: Deserializer<'de>>(text: D) -> Result<Option<AntennaId>, D::Error> {
+    String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
+}
+
+fn protocol<'de, D: Deserializer<'de>>(text: D) -> Result<Option<Protocol>, D::Error> {
     String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
 
@@ -85,6 +92,9 @@ pub(crate) struct NavTable {
 pub(crate) struct StationTable {
     pub(crate) obs: Vec<PathBuf>,
     pub(crate) position_ecef_m: [f64; 3],
+    /// Log of several protocols with observations: the one that is wanted.
+    #[serde(default, deserialize_with = "protocol")]
+    pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is meant.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is meant.
@@ -264,7 +274,7 @@ fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
     })
 }
 
-/// `NAME=OBS[#ID][@X,Y,Z]`: the station (RTCM 3) or antenna (SBF) of a log that has several.
+/// `NAME=OBS[#ID][@X,Y,Z]`: the protocol, station (RTCM 3) or antenna (SBF) of a log that has several.
 fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
     let expected = || {
         UsageError(format!(
@@ -295,6 +305,9 @@ fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
     let obs = chosen.map_or(obs, |(obs, _)| obs);
     match chosen.map(|(_, id)| (id, id.parse::<u16>())) {
         Some((_, Ok(station))) => table.insert("station_id".into(), i64::from(station).into()),
+        Some((id, Err(_))) if id.parse::<Protocol>().is_ok() => {
+            table.insert("protocol".into(), id.into())
+        }
         Some((id, Err(_))) => table.insert("antenna_id".into(), id.into()),
         None => None,
     };
@@ -354,17 +367,6 @@ impl Loaded {
     /// A path of the configuration, relative to its file's folder.
     pub(crate) fn path(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
-    }
-
-    /// What the receiver logs of an antenna do not say by themselves.
-    pub(crate) fn log_options(
-        &self,
-        station_id: Option<u16>,
-        antenna_id: Option<AntennaId>,
-    ) -> LogOptions {
-        let approximate_time = self.approximate_time();
-        let as_received = self.config.nav.as_received;
-        LogOptions { station: station_id, antenna: antenna_id, approximate_time, as_received }
     }
 
     /// `[nav] approximate_time`

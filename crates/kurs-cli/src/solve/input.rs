@@ -1,8 +1,12 @@
 //! What `solve`, `survey` and `doctor` read: navigation data, and the observations of all antennas.
 
+use std::path::PathBuf;
+
 use anyhow::bail;
-use kurs::ephemeris::NavigationData;
+use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::time::GpsTime;
 use kurs_formats::content::Content;
+use kurs_formats::logs::LogOptions;
 use kurs_formats::source::{Source, can_be_read_again};
 
 use super::config::Loaded;
@@ -10,6 +14,10 @@ use super::phase_centers::{self, PhaseCenters};
 use super::streams::{AntennaFiles, Streams};
 use crate::failure::UsageError;
 use crate::summary::Damage;
+
+/// What a user can do where there is no ephemeris.
+pub(crate) const SOURCES_OF_EPHEMERIDES: &str = "give --nav FILE, or let the receiver send RXM-SFRBX (UBX), \
+    1019, 1042, 1045 or 1046, 1020 (RTCM 3), or GPSNav, GALNav, BDSNav, GLONav (SBF)";
 
 /// Files opened, navigation data read.
 pub(crate) struct Input {
@@ -26,7 +34,14 @@ impl Input {
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
         let (mut navigation, mut damage) = read_navigation(loaded)?;
         let phase_centers = phase_centers::read(loaded, &mut damage)?;
-        let streams = Streams::open(observation_files(loaded), station_files(loaded))?;
+        let options = LogOptions {
+            approximate_time: loaded.approximate_time(),
+            navigation_time: middle_time(&navigation),
+            as_received: loaded.config.nav.as_received,
+            ..LogOptions::default()
+        };
+        let antennas = observation_files(loaded, &options);
+        let streams = Streams::open(antennas, station_files(loaded, &options))?;
         // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
@@ -45,10 +60,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
         // What is read here is gone from a pipe.
-        if !files.contains(&path)
-            && can_be_read_again(&path)
-            && Content::of(Source::open(&path)?.start(Content::ENOUGH)?).is_log()
-        {
+        if !files.contains(&path) && can_be_read_again(&path) && Content::of_file(&path)?.is_log() {
             received |= loaded.config.nav.as_received;
             if !loaded.config.nav.as_received {
                 files.push(path);
@@ -63,35 +75,58 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let mut source = Source::open(path)?;
         let near = loaded.approximate_time();
         let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
-        // Damage of an observation log is found again with the observations.
-        if index < given_count {
-            let entries = summary.damage.listed().iter();
-            damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
-        }
+        // What is no message in an observation log is found again with the observations.
+        let framing = if index < given_count { summary.framing.listed() } else { &[] };
+        let entries = framing.iter().chain(summary.damage.listed());
+        damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
     }
     if navigation.ephemerides.is_empty() && !received {
-        bail!("no usable ephemeris in the navigation files");
+        bail!("no usable ephemeris in {}: {SOURCES_OF_EPHEMERIDES}", names(&files));
     }
     Ok((navigation, damage))
 }
 
-fn observation_files(loaded: &Loaded) -> Vec<AntennaFiles> {
+fn names(files: &[PathBuf]) -> String {
+    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
+}
+
+/// The middle of the times of all ephemerides: one that is stale does not move it.
+pub(crate) fn middle_time(navigation: &NavigationData) -> Option<GpsTime> {
+    let store = &navigation.ephemerides;
+    let nodes = store.precise().iter().flat_map(|(_, nodes)| nodes.iter().map(|node| node.time));
+    let mut times: Vec<GpsTime> =
+        store.iter().map(Ephemeris::reference_time).chain(nodes).collect();
+    times.sort_unstable();
+    times.get(times.len() / 2).copied()
+}
+
+fn observation_files(loaded: &Loaded, options: &LogOptions) -> Vec<AntennaFiles> {
     let antennas = loaded.config.antenna.iter();
     antennas
         .map(|a| AntennaFiles {
             name: a.name.clone(),
             files: a.obs.iter().map(|path| loaded.path(path)).collect(),
-            options: loaded.log_options(a.station_id, a.antenna_id),
+            options: LogOptions {
+                protocol: a.protocol,
+                station: a.station_id,
+                antenna: a.antenna_id,
+                ..*options
+            },
         })
         .collect()
 }
 
-fn station_files(loaded: &Loaded) -> Option<AntennaFiles> {
+fn station_files(loaded: &Loaded, options: &LogOptions) -> Option<AntennaFiles> {
     let station = loaded.config.station.as_ref()?;
     Some(AntennaFiles {
         name: "station".into(),
         files: station.obs.iter().map(|path| loaded.path(path)).collect(),
-        options: loaded.log_options(station.station_id, station.antenna_id),
+        options: LogOptions {
+            protocol: station.protocol,
+            station: station.station_id,
+            antenna: station.antenna_id,
+            ..*options
+        },
     })
 }
 

@@ -1,7 +1,7 @@
 //! `kurs solve`: observation and navigation files in, attitude out.
 
 pub(crate) mod config;
-mod input;
+pub(crate) mod input;
 mod nmea;
 mod phase_centers;
 mod review;

@@ -24,9 +24,13 @@ pub(super) fn read(config: &Config, folder: &Path) -> anyhow::Result<Vec<Observa
         let path = folder.join(file);
         let text = fs::read_to_string(&path)
             .with_context(|| format!("{}: cannot be read", path.display()))?;
-        let read =
-            if tdm::looks_like(&text) { from_tdm(config, &text) } else { from_csv(config, &text) };
-        observations.extend(read.with_context(|| path.display().to_string())?);
+        let name = path.display().to_string();
+        let read = if tdm::looks_like(&text) {
+            from_tdm(config, &name, &text)
+        } else {
+            from_csv(config, &text)
+        };
+        observations.extend(read.with_context(|| name)?);
     }
     if observations.is_empty() {
         bail!("no measurements in the files of `track.files`");
@@ -35,10 +39,13 @@ pub(super) fn read(config: &Config, folder: &Path) -> anyhow::Result<Vec<Observa
     Ok(observations)
 }
 
-fn from_tdm(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
+fn from_tdm(config: &Config, name: &str, text: &str) -> anyhow::Result<Vec<Observation>> {
     let data = tdm::read(text)?;
     for (keyword, count) in &data.read_past {
         eprintln!("note: {count} records of {keyword} have no use here and were read past");
+    }
+    for reason in &data.left_out {
+        eprintln!("note: {name}: a segment is left out: {reason}");
     }
     let mut observations = Vec::with_capacity(data.records.len());
     for record in &data.records {

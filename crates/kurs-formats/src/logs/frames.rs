@@ -9,14 +9,16 @@
 //! know all protocols of a mixed log.
 
 use core::fmt;
+use core::str::FromStr;
 
 use super::checksum::{crc16_ccitt, crc24q, fletcher};
+use super::message::{MessageKind, Role};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
 
 /// A protocol of binary messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Protocol {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Protocol {
     /// u-blox: `b5 62 class id length₂ payload checksum₂` (u-blox F9 interface description, 3.2).
     Ubx,
     /// RTCM 3: `d3 length₂ payload crc₃` (RTCM 10403.3, section 4).
@@ -32,6 +34,24 @@ impl fmt::Display for Protocol {
             Self::Rtcm3 => "RTCM 3 messages",
             Self::Sbf => "Septentrio blocks (SBF)",
         })
+    }
+}
+
+/// The text is not the name of a protocol.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0:?} is no protocol of receiver logs: expected ubx, rtcm3 or sbf")]
+pub struct UnknownProtocol(String);
+
+impl FromStr for Protocol {
+    type Err = UnknownProtocol;
+
+    fn from_str(text: &str) -> Result<Self, UnknownProtocol> {
+        match text {
+            "ubx" => Ok(Self::Ubx),
+            "rtcm3" => Ok(Self::Rtcm3),
+            "sbf" => Ok(Self::Sbf),
+            _ => Err(UnknownProtocol(text.to_owned())),
+        }
     }
 }
 
@@ -111,12 +131,7 @@ impl FrameScanner {
         self.note_skipped(damage);
         self.given = length;
         let bytes = &source.start(length)?[..length];
-        let body = match protocol {
-            Protocol::Ubx => &bytes[2..length - 2],
-            Protocol::Rtcm3 => &bytes[3..length - 3],
-            Protocol::Sbf => &bytes[4..],
-        };
-        Ok(Some(Frame { protocol, body, offset: self.offset }))
+        Ok(Some(Frame { protocol, body: body_of(protocol, bytes), offset: self.offset }))
     }
 
     /// The message that was given last will come again.
@@ -157,12 +172,33 @@ impl FrameScanner {
     }
 }
 
-/// The protocol of the first whole message in `bytes`.
+/// The protocol of the first whole message in `bytes`, of the first with observations if there is
+/// one.
 pub(crate) fn first_protocol(bytes: &[u8]) -> Option<Protocol> {
-    memchr::memchr3_iter(0xb5, 0xd3, b'$', bytes).find_map(|at| match judge(&bytes[at..]) {
-        Judgement::Message(protocol, _) => Some(protocol),
-        _ => None,
-    })
+    let (mut at, mut first) = (0, None);
+    while let Some(ahead) = memchr::memchr3(0xb5, 0xd3, b'$', &bytes[at..]) {
+        at += ahead;
+        let Judgement::Message(protocol, length) = judge(&bytes[at..]) else {
+            at += 1;
+            continue;
+        };
+        let frame = Frame { protocol, body: body_of(protocol, &bytes[at..at + length]), offset: 0 };
+        if MessageKind::of(&frame).role() == Role::Observations {
+            return Some(protocol);
+        }
+        first.get_or_insert(protocol);
+        at += length;
+    }
+    first
+}
+
+/// A whole message with its framing taken off.
+fn body_of(protocol: Protocol, message: &[u8]) -> &[u8] {
+    match protocol {
+        Protocol::Ubx => &message[2..message.len() - 2],
+        Protocol::Rtcm3 => &message[3..message.len() - 3],
+        Protocol::Sbf => &message[4..],
+    }
 }
 
 /// Judges the message that may begin with the first byte.

@@ -3,22 +3,28 @@
 //! [`LogReader`] gives the observations of one antenna, epoch by epoch; [`crate::navigation`] takes the
 //! ephemerides of a whole log. Damage is listed with its byte offset.
 
+mod census;
 pub(crate) mod checksum;
 mod choice;
+pub(crate) mod dating;
+mod epochs;
+pub(crate) mod file_date;
 pub(crate) mod frames;
 pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
+mod message;
 pub(crate) mod navigation;
 mod news;
-mod parts;
-mod prompt_end;
 mod reader;
+pub(crate) mod start;
 pub(crate) mod whole_cycles;
 
 use kurs::observation::Observation;
 use kurs::time::GpsTime;
 
-pub use parts::{LogPart, parts};
+pub use census::{Census, LogPart, census};
+pub use frames::{Protocol, UnknownProtocol};
+pub use message::{MessageKind, Role};
 pub use reader::{LogOptions, LogReader};
 
 /// A number that an observation may have: not zero, which means missing, and not absurd.

@@ -1,72 +1,19 @@
 //! Ephemerides of a whole log, and the date that they tell.
 
-use kurs::ephemeris::{Ephemeris, NavigationData};
-use kurs::time::GpsTime;
+use std::collections::BTreeSet;
 
+use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::time::{GpsTime, WEEK_S};
+
+use super::dating::{Dating, MIDDLE_WEEK_NS};
 use super::frames::{Frame, FrameScanner, Protocol};
-use crate::damage::DamageLog;
 use crate::navigation::ReadSummary;
-use crate::navigation_frames::{Collector, Taken};
-use crate::rtcm;
+use crate::navigation_frames::Collector;
+use crate::rtcm::clock::{self, Day};
+use crate::rtcm::{self, ObservationHeader};
 use crate::sbf::{self, block::Block};
 use crate::source::{ReadError, Source};
 use crate::ubx::{rawx, sfrbx};
-
-/// Where a week of ten bits is all that is known, it is taken from the 1024 weeks around this one
-/// (2024-03-03): from 2014-05-11 to 2033-12-25.
-const MIDDLE_WEEK_NS: i64 = 2304 * 604_800_000_000_000;
-
-/// Takes navigation data out of the messages of a log, one after the other.
-#[derive(Debug)]
-pub(crate) struct MessageReader {
-    collector: Collector,
-    /// A time within ten years of the messages.
-    near: GpsTime,
-}
-
-impl MessageReader {
-    /// `near` is a time within ten years, where no message tells more.
-    pub(crate) fn new(near: Option<GpsTime>) -> Self {
-        let near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
-        Self { collector: Collector::default(), near }
-    }
-
-    /// Takes what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
-    /// completes.
-    pub(crate) fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
-        let body = frame.body;
-        match frame.protocol {
-            Protocol::Ubx => {
-                let (id, payload) = (&body[..2], &body[4..]);
-                if id == rawx::RXM_RAWX {
-                    self.near = rawx::time(payload).unwrap_or(self.near);
-                }
-                if id != sfrbx::RXM_SFRBX {
-                    return None;
-                }
-                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
-                    data.ionosphere.gps = Some(klobuchar);
-                }
-                sfrbx::take(payload, self.near, &mut self.collector)
-            }
-            Protocol::Rtcm3 => {
-                let received = rtcm::ephemeris::read(rtcm::number(body), body, self.near);
-                if let Some(Ok(received)) = &received
-                    && received.is_dated
-                {
-                    self.near = received.ephemeris.reference_time();
-                }
-                received.map(|received| received.map(|received| received.ephemeris))
-            }
-            Protocol::Sbf => {
-                let block = Block::of(body);
-                // Without a time stamp nothing tells the week.
-                let time = block.time()?;
-                sbf::navigation::take(&block, time, &mut self.collector, data)
-            }
-        }
-    }
-}
 
 /// Reads a log and adds its ephemerides to `data`. `near` is a time within ten years, where no
 /// message tells more.
@@ -77,41 +24,108 @@ pub(crate) fn read(
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
     let mut scanner = FrameScanner::default();
-    let mut messages = MessageReader::new(near);
-    while let Some(frame) = scanner.next(source, &mut summary.damage)? {
-        let offset = frame.offset;
-        match messages.take(&frame, data) {
+    let mut collector = Collector::default();
+    let mut rtcm = RtcmEphemerides::new(near);
+    let mut near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
+    while let Some(frame) = scanner.next(source, &mut summary.framing)? {
+        rtcm.dating.take(&frame);
+        let Frame { protocol, body, offset } = frame;
+        let taken = match protocol {
+            Protocol::Ubx => {
+                let (id, payload) = (&body[..2], &body[4..]);
+                if id == rawx::RXM_RAWX {
+                    near = rawx::time(payload).unwrap_or(near);
+                }
+                if id != sfrbx::RXM_SFRBX {
+                    continue;
+                }
+                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
+                    data.ionosphere.gps = Some(klobuchar);
+                }
+                sfrbx::take(payload, near, &mut collector)
+            }
+            Protocol::Rtcm3 => {
+                rtcm.keep(body, offset);
+                continue;
+            }
+            Protocol::Sbf => {
+                let block = Block::of(body);
+                // Without a time stamp nothing tells the week.
+                let Some(time) = block.time() else { continue };
+                sbf::navigation::take(&block, time, &mut collector, data)
+            }
+        };
+        match taken {
             Some(Ok(ephemeris)) => add(ephemeris, data, summary),
             Some(Err(what)) => summary.damage.note(offset, what),
             None => {}
         }
     }
+    rtcm.read(data, summary);
     Ok(())
+}
+
+/// The ephemerides of RTCM 3, which can be read only when the week of the log is known.
+struct RtcmEphemerides {
+    dating: Dating,
+    /// Messages as they came, each once, with their offset.
+    messages: Vec<(u64, Vec<u8>)>,
+    known: BTreeSet<Vec<u8>>,
+    /// Times of observations, each before the message of that index.
+    times: Vec<(usize, ObservationHeader)>,
+}
+
+impl RtcmEphemerides {
+    fn new(near: Option<GpsTime>) -> Self {
+        let (messages, times) = (Vec::new(), Vec::new());
+        Self { dating: Dating::new(near), messages, known: BTreeSet::new(), times }
+    }
+
+    /// Keeps a message if it has an ephemeris, or a time for the next one.
+    fn keep(&mut self, body: &[u8], offset: u64) {
+        if let Some(header) = ObservationHeader::read(body) {
+            if clock::is_weekly(&header) {
+                let behind = self.messages.len();
+                if self.times.last().is_some_and(|(index, _)| *index == behind) {
+                    self.times.pop();
+                }
+                self.times.push((behind, header));
+            }
+        } else if rtcm::content(rtcm::number(body)) == Some(rtcm::Content::Ephemeris)
+            && self.known.insert(body.to_vec())
+        {
+            self.messages.push((offset, body.to_vec()));
+        }
+    }
+
+    /// Reads them all, each near the time at which it came; those of another time are noted.
+    fn read(self, data: &mut NavigationData, summary: &mut ReadSummary) {
+        let middle = GpsTime::from_nanoseconds(MIDDLE_WEEK_NS);
+        let mut now = self.dating.begin().map_or(middle, |begin| begin.time);
+        let mut times = self.times.into_iter().peekable();
+        for (index, (offset, body)) in self.messages.iter().enumerate() {
+            while let Some((_, header)) = times.next_if(|(before, _)| *before <= index) {
+                now = clock::resolve(&header, now, Day::Stated).unwrap_or(now);
+            }
+            match rtcm::ephemeris::read(rtcm::number(body), body, now) {
+                Some(Ok(received)) => {
+                    let time = received.ephemeris.reference_time();
+                    if (time - now).abs() > WEEK_S {
+                        let satellite = received.ephemeris.satellite();
+                        summary.damage.note_with(*offset, || {
+                            format!("{satellite}: ephemeris of {time} in a log of {now}").into()
+                        });
+                    }
+                    add(received.ephemeris, data, summary);
+                }
+                Some(Err(what)) => summary.damage.note(*offset, what),
+                None => {}
+            }
+        }
+    }
 }
 
 fn add(ephemeris: Ephemeris, data: &mut NavigationData, summary: &mut ReadSummary) {
     *summary.records.entry(ephemeris.satellite().system).or_default() += 1;
     data.ephemerides.insert(ephemeris);
-}
-
-/// A time within some hours of an RTCM 3 log, as the first message tells it that knows more than ten
-/// bits of the week, else the first one that knows those.
-pub(crate) fn date(source: &mut Source) -> Result<Option<GpsTime>, ReadError> {
-    let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
-    let middle = GpsTime::from_nanoseconds(MIDDLE_WEEK_NS);
-    let mut by_ten_bits = None;
-    while let Some(Frame { protocol, body, .. }) = scanner.next(source, &mut damage)? {
-        if protocol != Protocol::Rtcm3 {
-            continue;
-        }
-        let number = rtcm::number(body);
-        if let Some(Ok(received)) = rtcm::ephemeris::read(number, body, middle) {
-            let time = received.ephemeris.reference_time();
-            if received.is_dated {
-                return Ok(Some(time));
-            }
-            by_ten_bits.get_or_insert(time);
-        }
-    }
-    Ok(by_ten_bits)
 }

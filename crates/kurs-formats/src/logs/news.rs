@@ -1,13 +1,17 @@
-//! Navigation data between the epochs of a log, as they come in.
+//! Navigation data of a log as they come in between its epochs.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
-use kurs::ephemeris::NavigationData;
+use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::time::GpsTime;
 
+use super::dating::MIDDLE_WEEK_NS;
 use super::frames::{Frame, Protocol};
-use super::navigation::MessageReader;
 use crate::damage::DamageLog;
+use crate::navigation_frames::{Collector, Taken};
+use crate::rtcm;
+use crate::sbf::{self, block::Block};
+use crate::ubx::{rawx, sfrbx};
 
 /// An ephemeris is in use within a few hours of its reference time, so one half a week away tells that
 /// the week is wrong.
@@ -15,84 +19,107 @@ const HALF_WEEK_S: f64 = 302_400.0;
 /// So many in a row, because a caster may repeat an old one.
 const CONTRADICTIONS: u32 = 3;
 
-/// What came, by the epoch that follows it.
+/// Takes navigation data out of the messages of a log, one after the other.
 #[derive(Debug)]
 pub(super) struct News {
-    messages: MessageReader,
-    /// Since the epoch whose messages come in began.
-    arriving: NavigationData,
-    /// Before it began.
-    before_current: NavigationData,
-    /// Before the epoch that was given out last began.
-    preceding: NavigationData,
+    collector: Collector,
+    /// A time within ten years of the messages, of RTCM 3 within half a week.
+    near: GpsTime,
+    /// With the byte offsets of the messages that told it.
+    waiting: VecDeque<(u64, NavigationData)>,
     channels: BTreeMap<u8, i8>,
-    /// Time of the last ephemeris, of RTCM 3.
-    reference_time: Option<GpsTime>,
     contradictions: u32,
 }
 
 impl News {
-    /// `near` is a time within ten years of the log.
+    /// `near` is a time within ten years, where no message tells more.
     pub(super) fn new(near: Option<GpsTime>) -> Self {
         Self {
-            messages: MessageReader::new(near),
-            arriving: NavigationData::default(),
-            before_current: NavigationData::default(),
-            preceding: NavigationData::default(),
+            collector: Collector::default(),
+            near: near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS)),
+            waiting: VecDeque::new(),
             channels: BTreeMap::new(),
-            reference_time: None,
             contradictions: 0,
         }
     }
 
-    /// Takes what a message tells.
-    pub(super) fn gather(&mut self, frame: &Frame<'_>, damage: &mut DamageLog) {
-        match self.messages.take(frame, &mut self.arriving) {
+    /// The time of the last observations, where the messages themselves tell the week only by them.
+    pub(super) const fn set_time(&mut self, time: GpsTime) {
+        self.near = time;
+    }
+
+    /// Takes what a message tells. `Some` is another week than the one in force, if several ephemerides
+    /// in a row of RTCM 3 agree on it.
+    pub(super) fn gather(&mut self, frame: &Frame<'_>, damage: &mut DamageLog) -> Option<GpsTime> {
+        let mut data = NavigationData::default();
+        let taken = self.take(frame, &mut data);
+        let mut contradicts = None;
+        match taken {
             Some(Ok(ephemeris)) => {
-                let is_rtcm = frame.protocol == Protocol::Rtcm3;
-                self.reference_time = is_rtcm.then(|| ephemeris.reference_time());
-                self.arriving.ephemerides.insert(ephemeris);
+                if frame.protocol == Protocol::Rtcm3 {
+                    contradicts = self.contradicts(&ephemeris);
+                }
+                data.ephemerides.insert(ephemeris);
             }
             Some(Err(what)) => damage.note(frame.offset, what),
             None => {}
         }
+        if data != NavigationData::default() {
+            self.waiting.push_back((frame.offset, data));
+        }
+        contradicts
     }
 
-    /// The first message with observations of an epoch has come.
-    pub(super) fn epoch_began(&mut self) {
-        let arrived = core::mem::take(&mut self.arriving);
-        if arrived != NavigationData::default() {
-            self.before_current.update(&arrived);
-        }
-    }
-
-    /// The epoch whose messages came in is given out; `channels` are those of GLONASS as its
-    /// observations tell them.
-    pub(super) fn epoch_ended(&mut self, channels: &BTreeMap<u8, i8>) {
-        let before = core::mem::take(&mut self.before_current);
-        if before != NavigationData::default() {
-            self.preceding.update(&before);
-        }
-        for (number, channel) in channels {
-            if self.channels.insert(*number, *channel) != Some(*channel) {
-                self.preceding.ephemerides.insert_glonass_channel(*number, *channel);
+    /// Puts what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
+    /// completes.
+    fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
+        let body = frame.body;
+        match frame.protocol {
+            Protocol::Ubx => {
+                let (id, payload) = (&body[..2], &body[4..]);
+                if id == rawx::RXM_RAWX {
+                    self.near = rawx::time(payload).unwrap_or(self.near);
+                }
+                if id != sfrbx::RXM_SFRBX {
+                    return None;
+                }
+                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
+                    data.ionosphere.gps = Some(klobuchar);
+                }
+                sfrbx::take(payload, self.near, &mut self.collector)
+            }
+            Protocol::Rtcm3 => {
+                let received = rtcm::ephemeris::read(rtcm::number(body), body, self.near);
+                received.map(|received| received.map(|received| received.ephemeris))
+            }
+            Protocol::Sbf => {
+                let block = Block::of(body);
+                // Without a time stamp nothing tells the week.
+                let time = block.time()?;
+                sbf::navigation::take(&block, time, &mut self.collector, data)
             }
         }
     }
 
-    /// A date that several ephemerides in a row tell, if it is not the one in force.
-    pub(super) fn other_date(&mut self, near: GpsTime) -> Option<GpsTime> {
-        let time = self.reference_time.take()?;
-        let contradicts = (time - near).abs() > HALF_WEEK_S;
-        self.contradictions = if contradicts { self.contradictions + 1 } else { 0 };
-        (self.contradictions >= CONTRADICTIONS).then(|| {
-            self.contradictions = 0;
-            time
-        })
+    fn contradicts(&mut self, ephemeris: &Ephemeris) -> Option<GpsTime> {
+        let time = ephemeris.reference_time();
+        let is_far = (time - self.near).abs() > HALF_WEEK_S;
+        self.contradictions = if is_far { self.contradictions + 1 } else { 0 };
+        (self.contradictions >= CONTRADICTIONS).then_some(time)
     }
 
-    /// What precedes the epoch that is given out.
-    pub(super) fn take(&mut self) -> NavigationData {
-        core::mem::take(&mut self.preceding)
+    /// What came before the byte at `offset`, where an epoch begins, and was not given before;
+    /// `channels` are those of GLONASS as the observations so far tell them.
+    pub(super) fn before(&mut self, offset: u64, channels: &BTreeMap<u8, i8>) -> NavigationData {
+        let mut news = NavigationData::default();
+        while let Some((_, data)) = self.waiting.pop_front_if(|(at, _)| *at < offset) {
+            news.update(&data);
+        }
+        for (number, channel) in channels {
+            if self.channels.insert(*number, *channel) != Some(*channel) {
+                news.ephemerides.insert_glonass_channel(*number, *channel);
+            }
+        }
+        news
     }
 }

@@ -91,8 +91,20 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
     for digit in digits.iter_mut().filter(|digit| matches!(digit, b'D' | b'd')) {
         *digit = b'E';
     }
-    let value: f64 = core::str::from_utf8(digits).ok()?.parse().ok()?;
+    let text = core::str::from_utf8(digits).ok()?;
+    let value: f64 = match text.parse() {
+        Ok(value) => value,
+        Err(_) => without_letter(text)?,
+    };
     value.is_finite().then_some(value)
+}
+
+/// FORTRAN leaves the letter out where the exponent has three digits (`0.5-269`).
+fn without_letter(text: &str) -> Option<f64> {
+    let at = text.rfind(['-', '+']).filter(|at| *at > 0)?;
+    let (mantissa, exponent) = text.split_at(at);
+    let is_exponent = exponent.len() == 4 && mantissa.ends_with(|c: char| c.is_ascii_digit());
+    is_exponent.then(|| format!("{mantissa}E{exponent}").parse().ok()).flatten()
 }
 
 /// A field holds something else than it should, or a number in the wrong columns.
@@ -160,9 +172,20 @@ mod tests {
     fn exponentials() {
         assert_eq!(exponential(b" 1.5D-08"), Some(1.5e-8));
         assert_eq!(exponential(b"-.999999999999e+09"), Some(-0.999_999_999_999e9));
+        assert_eq!(exponential(b" 0.499063314480-269"), Some(0.499_063_314_48e-269));
         assert_eq!(exponential(b"   "), Some(0.0));
         assert_eq!(exponential(b""), Some(0.0));
-        for wrong in [&b"1.5 D-08"[..], b"nan", b"INF", b"1e999", b"x", b"\xff", &[b'1'; 40]] {
+        for wrong in [
+            &b"1.5 D-08"[..],
+            b"1.5-08",
+            b"1-2-345x",
+            b"nan",
+            b"INF",
+            b"1e999",
+            b"x",
+            b"\xff",
+            &[b'1'; 40],
+        ] {
             assert_eq!(exponential(wrong), None, "{wrong:?}");
         }
     }

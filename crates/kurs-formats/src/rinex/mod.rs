@@ -4,6 +4,7 @@
 //! Sources: RINEX 2.11 (W. Gurtner, L. Estey, 2007), RINEX 3.05 (IGS/RTCM, 2020), RINEX 4.02
 //! (IGS/RTCM, 2024).
 
+pub(crate) mod codes;
 pub(crate) mod fields;
 pub(crate) mod navigation;
 pub mod observation;

@@ -25,20 +25,23 @@ struct Version {
     system: System,
 }
 
-/// Reads the first line.
+/// Reads the first line that is not empty.
 fn version(source: &mut Source) -> Result<Version, ReadError> {
-    source.advance()?;
+    while source.advance()? && source.line().trim_ascii().is_empty() {}
     let line = source.line();
     let major = decimal(columns(line, 0..9))
         .and_then(|version| [2, 3, 4].into_iter().find(|m| version.floor() == f64::from(*m)))
         .ok_or_else(|| {
-            let found = format!("version {:?}", text(line, 0..9));
-            source.wrong_content(found, "RINEX navigation data of version 2, 3 or 4")
+            let found = text(line, 0..9);
+            source.bad_line(format!("version {found:?}, expected RINEX of version 2, 3 or 4"))
         })?;
-    let system = match line.get(20) {
-        Some(b'G') => System::Glonass,
-        Some(b'H') => System::Sbas,
-        Some(b'L') => System::Galileo,
+    // RINEX 2.12 has one type of file for all systems, and names the system as RINEX 3 does.
+    let system = match (line.get(20), line.get(40)) {
+        (Some(b'G'), _) => System::Glonass,
+        (Some(b'H'), _) => System::Sbas,
+        (Some(b'L'), _) => System::Galileo,
+        (Some(b'J'), _) | (_, Some(b'Q')) => System::Qzss,
+        (_, Some(letter)) => System::from_letter(*letter).unwrap_or(System::Gps),
         _ => System::Gps,
     };
     Ok(Version { major, system })
@@ -51,7 +54,7 @@ pub(crate) fn read(
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
     let version = version(source)?;
-    header::read(source, data, summary)?;
+    header::read(source, version, data, summary)?;
     let mut record = Record::default();
     while source.advance()? {
         let line = source.line();
@@ -59,16 +62,19 @@ pub(crate) fn read(
             continue;
         }
         let number = source.line_number();
+        if line.trim_ascii() == b"END OF FILE" {
+            continue;
+        }
         if line[0] == b'>' {
             finish(&mut record, data, summary);
             record.begin_frame(line, number);
-        } else if record.is_frame_without_lines() || !record::is_continuation(line, version) {
+        } else if record.is_frame_without_lines() || !record.is_continued_by(line, version) {
             if !record.is_frame_without_lines() {
                 finish(&mut record, data, summary);
             }
             record.begin(line, number, version);
         } else {
-            record.continue_with(line, version);
+            record.continue_with(line);
         }
     }
     finish(&mut record, data, summary);
@@ -80,7 +86,7 @@ fn finish(record: &mut Record, data: &mut NavigationData, summary: &mut ReadSumm
     let record = core::mem::take(record);
     let taken = match record.kind {
         Kind::None => return,
-        Kind::Ephemeris => record.ephemeris(),
+        Kind::Ephemeris => record.ephemeris(&mut summary.damage),
         Kind::Ionosphere => record.store_ionosphere(&mut data.ionosphere).map(|()| None),
         Kind::TimeOffset => record.store_time_offset(data).map(|()| None),
         Kind::Other => Ok(None),

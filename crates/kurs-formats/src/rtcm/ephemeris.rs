@@ -22,6 +22,11 @@ const KEPLER: [(u16, System, Message, u32); 6] = [
 ];
 const GLONASS: u16 = 1020;
 
+/// Whether a message of this number has an ephemeris.
+pub(super) fn is_one(number: u16) -> bool {
+    number == GLONASS || KEPLER.iter().any(|(of, ..)| *of == number)
+}
+
 /// An ephemeris in a message, and whether it tells the date on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Received {

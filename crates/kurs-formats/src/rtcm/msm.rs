@@ -26,15 +26,15 @@ const FINE_RATE_MPS: f64 = 1e-4;
 
 /// What stands before the satellites.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Header {
-    pub(crate) system: System,
+pub(super) struct Header {
+    pub(super) system: System,
     /// 4 to 7.
     kind: u16,
-    pub(crate) station: u16,
+    pub(super) station: u16,
     /// 30 bits, the meaning of which depends on the system.
-    pub(crate) epoch_time: u64,
+    pub(super) epoch_time: u64,
     /// Another message of the same epoch and station follows; some programs do not set it.
-    pub(crate) more_follows: bool,
+    pub(super) more_follows: bool,
     satellites: u64,
     signals: u32,
 }
@@ -71,8 +71,8 @@ fn resolution(kind: u16) -> Resolution {
 
 impl Header {
     /// Reads the header, if this is a message with observations.
-    pub(crate) fn read(message: &[u8]) -> Option<Self> {
-        let (system, kind) = kind(super::number(message))?;
+    pub(super) fn read(message: &[u8]) -> Option<Self> {
+        let (system, kind) = kind(super::number(message)).filter(|(_, kind)| *kind >= 4)?;
         let mut reader = BitReader::new(message);
         reader.take(12);
         let station = u16::try_from(reader.take(12)).ok()?;
@@ -106,7 +106,7 @@ struct Rough {
 }
 
 /// Reads the observations of a message; `None` if it is shorter than its masks say.
-pub(crate) fn read(
+pub(super) fn read(
     header: &Header,
     message: &[u8],
     time: GpsTime,

@@ -6,8 +6,8 @@ use kurs::frames::{Ecef, Vector};
 
 use crate::fields::{BitReader, BitWriter, Fields};
 
-const WITHOUT_HEIGHT: u16 = 1005;
-const WITH_HEIGHT: u16 = 1006;
+pub(super) const WITHOUT_HEIGHT: u16 = 1005;
+pub(super) const WITH_HEIGHT: u16 = 1006;
 /// Unit of the coordinates, m.
 const UNIT_M: f64 = 1e-4;
 

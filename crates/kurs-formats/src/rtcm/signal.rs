@@ -85,6 +85,8 @@ const fn signals(system: System) -> &'static [(u8, &'static [u8; 2])] {
             (23, b"5P"),
             (24, b"5X"),
             (25, b"7D"),
+            (26, b"7P"),
+            (27, b"7Z"),
             (30, b"1D"),
             (31, b"1P"),
             (32, b"1X"),
@@ -93,11 +95,11 @@ const fn signals(system: System) -> &'static [(u8, &'static [u8; 2])] {
     }
 }
 
-/// The system and kind (4 to 7) of a message with observations.
+/// The system and kind (1 to 7) of a message with observations.
 pub(super) fn kind(number: u16) -> Option<(System, u16)> {
     let (first, system) = SYSTEMS.iter().find(|(first, _)| *first == number / 10 * 10)?;
     let kind = number - first;
-    (4..=7).contains(&kind).then_some((*system, kind))
+    (1..=7).contains(&kind).then_some((*system, kind))
 }
 
 /// The number of a message of a system and kind.

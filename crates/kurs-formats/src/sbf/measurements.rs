@@ -16,8 +16,6 @@ use crate::logs::{LittleEndian, is_empty, plausible};
 
 /// Number of the block.
 pub(crate) const MEAS_EPOCH: u16 = 4027;
-/// Blocks of the same content in a packed form, which is not read.
-pub(crate) const MEAS3_RANGES: u16 = 4109;
 
 /// Bytes before the sub-blocks; lengths of the sub-blocks, which later revisions may make longer.
 pub(super) const HEADER: usize = 6;

@@ -23,6 +23,8 @@ pub(super) fn read(text: &str) -> Result<TrackingData, TdmError> {
     let mut section = Section::Header;
     let mut version_seen = false;
     let mut last_line = 0;
+    // Of the current segment: its first record, and what in it cannot be used.
+    let (mut segments, mut first, mut unusable) = (0, 0, None);
     for (line, content) in (1..).zip(text.lines()) {
         let content = content.trim();
         last_line = line;
@@ -31,32 +33,43 @@ pub(super) fn read(text: &str) -> Result<TrackingData, TdmError> {
         }
         let Some((keyword, value)) = content.split_once('=') else {
             section = next_section(section, content, line)?;
-            if section == Section::Metadata {
-                metadata = Metadata::default();
+            match section {
+                Section::Metadata => {
+                    metadata = Metadata::default();
+                    (segments, first) = (segments + 1, data.records.len());
+                }
+                Section::BetweenSegments => data.end_segment(first, unusable.take()),
+                _ => {}
             }
             continue;
         };
         let (keyword, value) = (keyword.trim(), value.trim());
-        if value.is_empty() {
-            return Err(TdmError::new(line, keyword, "no value after `=`"));
-        }
+        let no_value = || TdmError::new(line, keyword, "no value after `=`");
         if !version_seen && keyword != "CCSDS_TDM_VERS" {
             let what = format!("must come first, found {keyword}");
             return Err(TdmError::new(line, "CCSDS_TDM_VERS", what));
         }
         version_seen = true;
         match section {
+            Section::Header if value.is_empty() => return Err(no_value()),
             Section::Header if HEADER.contains(&keyword) => {}
             Section::Header => {
                 return Err(TdmError::new(line, keyword, "not a header keyword"));
             }
-            Section::Metadata => metadata.set(keyword, value, line)?,
+            Section::Metadata | Section::Data if unusable.is_some() => {}
+            Section::Metadata | Section::Data if value.is_empty() => unusable = Some(no_value()),
+            Section::Metadata => unusable = metadata.set(keyword, value, line).err(),
             Section::Data => {
-                let Some((time_tag, number)) = value.split_once(char::is_whitespace) else {
-                    let what = format!("`{value}` found, expected a time tag and a number");
-                    return Err(TdmError::new(line, keyword, what));
+                let taken = match value.split_once(char::is_whitespace) {
+                    Some((time_tag, number)) => {
+                        metadata.record(keyword, time_tag, number.trim(), line, &mut data)
+                    }
+                    None => {
+                        let what = format!("`{value}` found, expected a time tag and a number");
+                        Err(TdmError::new(line, keyword, what))
+                    }
                 };
-                metadata.record(keyword, time_tag, number.trim(), line, &mut data)?;
+                unusable = taken.err();
             }
             Section::BeforeData | Section::BetweenSegments => {
                 return Err(TdmError::new(line, keyword, "outside of metadata and data"));
@@ -64,7 +77,7 @@ pub(super) fn read(text: &str) -> Result<TrackingData, TdmError> {
         }
     }
     match section {
-        Section::BetweenSegments => Ok(data),
+        Section::BetweenSegments => data.checked(segments),
         Section::Header => Err(TdmError::new(last_line, "META_START", "missing: no segment")),
         Section::Metadata => Err(TdmError::new(last_line, "META_STOP", "missing at the end")),
         Section::BeforeData => Err(TdmError::new(last_line, "DATA_START", "missing at the end")),

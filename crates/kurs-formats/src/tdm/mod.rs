@@ -61,6 +61,27 @@ pub struct TrackingData {
     pub records: Vec<TrackingRecord>,
     /// How often each data keyword without a use here was met.
     pub read_past: BTreeMap<String, usize>,
+    /// Why segments were left out, each as a whole, and where.
+    pub left_out: Vec<TdmError>,
+}
+
+impl TrackingData {
+    /// Ends a segment whose records begin at `first`: it is left out if something in it cannot be
+    /// used.
+    fn end_segment(&mut self, first: usize, unusable: Option<TdmError>) {
+        if unusable.is_some() {
+            self.records.truncate(first);
+        }
+        self.left_out.extend(unusable);
+    }
+
+    /// The data, unless no segment can be used.
+    fn checked(self, segments: usize) -> Result<Self, TdmError> {
+        match self.left_out.first() {
+            Some(first) if self.left_out.len() == segments => Err(first.clone()),
+            _ => Ok(self),
+        }
+    }
 }
 
 /// What is wrong with a message, and where.
@@ -89,11 +110,13 @@ pub fn looks_like(text: &str) -> bool {
     head.contains("CCSDS_TDM_VERS") || (head.starts_with('<') && head.contains("<tdm"))
 }
 
-/// Reads a message; XML and KVN are told apart by the first character.
+/// Reads a message; XML and KVN are told apart by the first character. A segment in which something
+/// cannot be used is left out.
 ///
 /// # Errors
 ///
-/// [`TdmError`] with line and keyword.
+/// [`TdmError`] with line and keyword, if the sections are not as they should be or no segment can be
+/// used.
 pub fn read(text: &str) -> Result<TrackingData, TdmError> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with('<') { xml::read(text) } else { kvn::read(text) }

@@ -69,6 +69,10 @@ const DATA_READ_PAST: [&str; 25] = [
     "TRANSMIT_POWER",
 ];
 
+/// No range is longer, out and back to a geostationary satellite (83 400 km) included: a modulus from
+/// here on leaves no doubt.
+const MAX_RANGE_M: f64 = 1e8;
+
 /// Participants in the order of the signal, by index.
 type Path = Vec<u32>;
 
@@ -271,18 +275,19 @@ impl Metadata {
                 Err(TdmError::new(line, keyword, what))
             };
         }
-        if self.range_modulus != 0.0 {
+        let unit_m = match self.range_units {
+            RangeUnits::Kilometres => 1e3,
+            RangeUnits::Seconds => SPEED_OF_LIGHT_MPS,
+            RangeUnits::Undefined => {
+                let what = "RU found: range units have no length of their own";
+                return Err(TdmError::new(line, "RANGE_UNITS", what));
+            }
+        };
+        if self.range_modulus != 0.0 && self.range_modulus.abs() * unit_m < MAX_RANGE_M {
             let what = format!("{} found: ambiguous ranges cannot be used", self.range_modulus);
             return Err(TdmError::new(line, "RANGE_MODULUS", what));
         }
-        match self.range_units {
-            RangeUnits::Kilometres => Ok(corrected * 1e3),
-            RangeUnits::Seconds => Ok(corrected * SPEED_OF_LIGHT_MPS),
-            RangeUnits::Undefined => {
-                let what = "RU found: range units have no length of their own";
-                Err(TdmError::new(line, "RANGE_UNITS", what))
-            }
-        }
+        Ok(corrected * unit_m)
     }
 }
 

@@ -75,7 +75,16 @@ fn units_time_systems_corrections_and_paths_are_honoured() {
 
 #[test]
 fn what_is_broken_is_named_with_its_line() {
-    let broken = |from: &str, to: &str| read(&RADAR.replacen(from, to, 1)).unwrap_err();
+    // An error, or the reason why one of the two segments is left out.
+    let broken = |from: &str, to: &str| {
+        read(&RADAR.replacen(from, to, 1)).map_or_else(
+            |error| error,
+            |data| {
+                assert_eq!((data.records.len(), data.left_out.len()), (1, 1), "{from} → {to}");
+                data.left_out[0].clone()
+            },
+        )
+    };
     for (from, to, line, keyword) in [
         ("CCSDS_TDM_VERS = 2.0\n", "", 2, "CCSDS_TDM_VERS"),
         ("TIME_SYSTEM = UTC", "TIME_SYSTEM = MARS", 8, "TIME_SYSTEM"),
@@ -107,6 +116,35 @@ fn what_is_broken_is_named_with_its_line() {
     assert_eq!(read("").unwrap_err().keyword, "META_START");
 }
 
+/// One segment that cannot be used costs itself only; two of two are an error.
+#[test]
+fn a_segment_that_cannot_be_used_is_left_out() {
+    let radec = RADAR.replacen("ANGLE_TYPE = AZEL", "ANGLE_TYPE = RADEC", 1);
+    let data = read(&radec).unwrap();
+    assert_eq!(data.records.len(), 1);
+    assert_eq!(data.records[0].station, "SOUTH");
+    assert_eq!((data.left_out[0].line, &*data.left_out[0].keyword), (20, "ANGLE_TYPE"));
+    let both = radec.replacen("RANGE_UNITS = s", "RANGE_UNITS = RU", 1);
+    assert_eq!(read(&both).unwrap_err().keyword, "ANGLE_TYPE");
+
+    let text = write(&read(RADAR).unwrap().records, "TEST", noon(), Form::Xml);
+    let whole = read(&text).unwrap();
+    let data = read(&text.replacen("<ANGLE_1>90", "<ANGLE_1>north", 1)).unwrap();
+    assert_eq!(data.left_out[0].keyword, "ANGLE_1");
+    assert!((1..whole.records.len()).contains(&data.records.len()));
+}
+
+/// A modulus beyond every range: 150 000 km, and 0.5 s of light.
+#[test]
+fn a_modulus_beyond_every_range_is_none() {
+    for (modulus, units, factor) in [("150000.0", "km", 1.0), ("0.5", "s", 299_792.458)] {
+        let modulus = format!("RANGE_MODULUS = {modulus}\nRANGE_UNITS = {units}");
+        let data = read(&RADAR.replacen("RANGE_UNITS = km", &modulus, 1)).unwrap();
+        assert_eq!(data.left_out, []);
+        assert!((data.records[0].value - 100_000.0 * factor).abs() < 1e-3 * factor);
+    }
+}
+
 #[test]
 fn broken_xml_is_named_with_its_line() {
     let data = read(RADAR).unwrap();
@@ -114,11 +152,11 @@ fn broken_xml_is_named_with_its_line() {
     let cut = &text[..text.len() - 30];
     assert_eq!(read(cut).unwrap_err().keyword, "xml");
     let wrong = text.replacen("<ANGLE_1>90", "<ANGLE_1>north", 1);
-    let error = read(&wrong).unwrap_err();
+    let error = read(&wrong).unwrap().left_out[0].clone();
     let line = wrong[..wrong.find("north").unwrap()].lines().count();
     assert_eq!((error.line, &*error.keyword), (line, "ANGLE_1"), "{error}");
     let without_epoch = text.replacen("<EPOCH>2020-06-15T12:00:00.500000</EPOCH>", "", 1);
-    assert_eq!(read(&without_epoch).unwrap_err().keyword, "EPOCH");
+    assert_eq!(read(&without_epoch).unwrap().left_out[0].keyword, "EPOCH");
     assert_eq!(read("<tdm></tdm>").unwrap_err().keyword, "segment");
 }
 

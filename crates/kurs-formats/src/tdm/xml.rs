@@ -17,10 +17,14 @@ pub(super) fn read(text: &str) -> Result<TrackingData, TdmError> {
     if segments.peek().is_none() {
         return Err(TdmError::new(1, "segment", "missing: no segment"));
     }
+    let mut count = 0;
     for segment in segments {
-        read_segment(&segment, &mut data)?;
+        let first = data.records.len();
+        let unusable = read_segment(&segment, &mut data).err();
+        data.end_segment(first, unusable);
+        count += 1;
     }
-    Ok(data)
+    data.checked(count)
 }
 
 fn read_segment(segment: &Node, data: &mut TrackingData) -> Result<(), TdmError> {

@@ -6,13 +6,16 @@ use kurs::ephemeris::{Klobuchar, NavigationData, SystemTimeOffset, UtcParameters
 use kurs::signal::System;
 use kurs::time::GpsTime;
 
+use super::{Version, record};
 use crate::navigation::ReadSummary;
 use crate::rinex::fields::{columns, exponential, integer, label};
 use crate::source::{ReadError, Source};
 
-/// Reads up to `END OF HEADER`; a line that cannot be read is noted and left out.
+/// Reads up to `END OF HEADER`, or to the first record where that is missing; a line that cannot be
+/// read is noted and left out.
 pub(super) fn read(
     source: &mut Source,
+    version: Version,
     data: &mut NavigationData,
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
@@ -32,6 +35,13 @@ pub(super) fn read(
                 Err(_) => None,
             },
             b"LEAP SECONDS" => leap_seconds(line, data),
+            b"COMMENT" => Some(()),
+            _ if record::begins(line, version) => {
+                let what = "the header has no end, records begin here";
+                summary.damage.note(source.line_number(), what);
+                source.hold_line();
+                return Ok(());
+            }
             _ => Some(()),
         };
         if taken.is_none() {
@@ -39,7 +49,8 @@ pub(super) fn read(
             summary.damage.note(source.line_number(), format!("{label}: not a number; left out"));
         }
     }
-    Err(source.bad_line("the file ends before END OF HEADER"))
+    summary.damage.note(source.line_number(), "the file ends inside its header");
+    Ok(())
 }
 
 fn gps(data: &mut NavigationData) -> &mut Klobuchar {

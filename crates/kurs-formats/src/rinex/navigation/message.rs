@@ -10,6 +10,7 @@ use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
 use super::header::time_offset;
 use super::record::Record;
+use crate::damage::DamageLog;
 
 /// Range accuracy by the index F_T (GLONASS ICD 5.1, table 4.4).
 const GLONASS_ACCURACY_M: [f64; 15] =
@@ -19,14 +20,54 @@ const GLONASS_ACCURACY_UNKNOWN_M: f64 = 5.0;
 /// Galileo's data sources, bit 8: the clock is that of E1 and E5a.
 const CLOCK_OF_E5A: u16 = 0x100;
 
+/// What an ephemeris does with a number of its record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Need {
+    /// It cannot be without.
+    Must,
+    /// It can.
+    May,
+    /// It does not look at it: spare, or of no use here.
+    Not,
+}
+
+/// Clock and orbit, health, group delay; accuracy, issue, time of transmission and fit interval may be
+/// unknown. Sources of the data decide between the messages of Galileo where the record does not.
+fn kepler_need(message: Message, index: usize) -> Need {
+    let is_galileo = matches!(message, Message::GalileoInav | Message::GalileoFnav);
+    match index {
+        3 | 27 => Need::May,
+        28 if message == Message::Lnav => Need::May,
+        0..=19 | 23..=25 => Need::Must,
+        20 if is_galileo => Need::Must,
+        26 if message != Message::Lnav => Need::Must,
+        _ => Need::Not,
+    }
+}
+
+/// Clock, orbit, health and channel; the delay of L2 and the accuracy may be unknown.
+const fn glonass_need(_: Message, index: usize) -> Need {
+    match index {
+        0..=13 => Need::Must,
+        16 | 17 => Need::May,
+        _ => Need::Not,
+    }
+}
+
 impl Record {
-    /// The ephemeris in this record; `None` if its message is read past.
-    pub(super) fn ephemeris(&self) -> Result<Option<Ephemeris>, String> {
+    /// The ephemeris in this record; `None` if its message is read past. A number that the ephemeris
+    /// can do without is noted, one that means nothing is not looked at.
+    pub(super) fn ephemeris(&self, damage: &mut DamageLog) -> Result<Option<Ephemeris>, String> {
         let Some(satellite) = self.satellite else {
             return Err(self.damage.clone().unwrap_or_else(|| "a record of no satellite".into()));
         };
         let Some(message) = self.ephemeris_message(satellite) else { return Ok(None) };
-        self.refuse_damage(&satellite.to_string())?;
+        let need = if message == Message::GlonassFdma { glonass_need } else { kepler_need };
+        let needed = |index: usize| need(message, index);
+        self.refuse_damage(&satellite.to_string(), |index| needed(index) == Need::Must)?;
+        for (_, what) in self.damaged_values.iter().filter(|(i, _)| needed(*i) == Need::May) {
+            damage.note_with(self.line, || format!("{satellite}: {what}; taken as unknown").into());
+        }
         let checked = if message == Message::GlonassFdma {
             GlonassEphemeris::new(self.glonass(satellite)?).map(Ephemeris::Glonass)
         } else {
@@ -35,8 +76,10 @@ impl Record {
         checked.map(Some).map_err(|error| error.to_string())
     }
 
-    fn refuse_damage(&self, about: &str) -> Result<(), String> {
-        match &self.damage {
+    /// Refuses a record without satellite or date, or with a damaged number that it needs.
+    fn refuse_damage(&self, about: &str, needs: impl Fn(usize) -> bool) -> Result<(), String> {
+        let number = self.damaged_values.iter().find(|(index, _)| needs(*index));
+        match self.damage.as_ref().or(number.map(|(_, what)| what)) {
             Some(damage) => Err(format!("{about}: {damage}; the record is left out")),
             None => Ok(()),
         }
@@ -81,7 +124,7 @@ impl Record {
         let own_orbit = own_clock
             .nearest_with_tow(v(11))
             .ok_or_else(|| format!("{satellite}: second of week {}", v(11)))?;
-        let own_sent = self.values.get(27).and_then(|tow_s| own_orbit.nearest_with_tow(*tow_s));
+        let own_sent = self.has(27).then(|| own_orbit.nearest_with_tow(v(27))).flatten();
         let is_beidou = satellite.system == System::BeiDou;
         let to_gpst = |own: GpsTime| if is_beidou { own + GPST_MINUS_BDT_S } else { own };
         let lnav = message == Message::Lnav;
@@ -123,7 +166,7 @@ impl Record {
         let date = self.date.ok_or_else(|| format!("{satellite}: no date"))?;
         let reference_time =
             GpsTime::from_utc(date).ok_or_else(|| format!("{satellite}: {date:?}"))?;
-        let accuracy_index = self.values.get(17).and_then(|index| whole(*index));
+        let accuracy_index = self.has(17).then(|| whole(v(17))).flatten();
         let accuracy_m =
             accuracy_index.and_then(|index| GLONASS_ACCURACY_M.get(usize::from(index)));
         Ok(GlonassElements {
@@ -138,7 +181,7 @@ impl Record {
             channel: glonass_channel(v(10))
                 .ok_or_else(|| format!("{satellite}: frequency channel {}", v(10)))?,
             // 0.999999999999e9 stands for unknown.
-            l2_delay_s: self.values.get(16).copied().filter(|delay_s| delay_s.abs() < 1.0),
+            l2_delay_s: self.has(16).then(|| v(16)).filter(|delay_s| delay_s.abs() < 1.0),
             health: whole(v(6)).ok_or_else(|| format!("{satellite}: health {}", v(6)))?,
             accuracy_m: *accuracy_m.unwrap_or(&GLONASS_ACCURACY_UNKNOWN_M),
         })
@@ -149,7 +192,7 @@ impl Record {
         &self,
         ionosphere: &mut IonosphereParameters,
     ) -> Result<(), String> {
-        self.refuse_damage("ionosphere")?;
+        self.refuse_damage("ionosphere", |index| index < 8)?;
         let system = self.satellite.map(|satellite| satellite.system);
         let v = |index| self.value(index);
         let klobuchar =
@@ -166,7 +209,7 @@ impl Record {
 
     /// RINEX 4.02, table A31.
     pub(super) fn store_time_offset(&self, data: &mut NavigationData) -> Result<(), String> {
-        self.refuse_damage("time offset")?;
+        self.refuse_damage("time offset", |index| matches!(index, 1 | 2))?;
         let reference = self.date.and_then(GpsTime::from_calendar).unwrap_or_default();
         time_offset(self.offset_code, [self.value(1), self.value(2)], reference, data);
         Ok(())

@@ -37,18 +37,27 @@ pub(super) struct Record {
     /// The numbers in their order, without the date.
     pub(super) values: Vec<f64>,
     has_lines: bool,
-    /// The first thing that could not be read.
+    /// Blanks before the numbers of its further lines.
+    indent: usize,
+    /// Satellite or date that could not be read.
     pub(super) damage: Option<String>,
+    /// Numbers that could not be read: their indices, and what stands there.
+    pub(super) damaged_values: Vec<(usize, String)>,
 }
 
-/// Whether `line` belongs to the record begun before it.
-pub(super) fn is_continuation(line: &[u8], version: Version) -> bool {
-    line.iter().take(indent(version)).all(|byte| *byte == b' ')
+/// Whether a record begins with this line: a frame line, or a satellite and a date.
+pub(super) fn begins(line: &[u8], version: Version) -> bool {
+    let start = indent(line, version);
+    line.starts_with(b"> ")
+        || satellite(columns(line, 0..3), version.system).is_some()
+            && calendar(columns(line, start - 1..start + 19)).is_some()
 }
 
-/// Blanks before the numbers of a continuation line; also the width of the satellite's name.
-const fn indent(version: Version) -> usize {
-    if version.major == 2 { 3 } else { 4 }
+/// Columns before the numbers of a record's lines, and of the satellite's name in the first one. In
+/// RINEX 2 a name with the letter of its system (RINEX 2.12) takes a column more.
+fn indent(line: &[u8], version: Version) -> usize {
+    let has_letter = line.first().is_some_and(u8::is_ascii_alphabetic);
+    if version.major == 2 && !has_letter { 3 } else { 4 }
 }
 
 impl Record {
@@ -76,6 +85,12 @@ impl Record {
         self.kind != Kind::None && !self.has_lines
     }
 
+    /// Whether `line` belongs to this record.
+    pub(super) fn is_continued_by(&self, line: &[u8], version: Version) -> bool {
+        let width = if self.kind == Kind::None { indent(line, version) } else { self.indent };
+        line.iter().take(width).all(|byte| *byte == b' ')
+    }
+
     /// Begins with an epoch line (RINEX 2 and 3), or takes it as the first line of a frame.
     pub(super) fn begin(&mut self, line: &[u8], number: u64, version: Version) {
         if self.kind == Kind::None {
@@ -87,7 +102,8 @@ impl Record {
             }
         }
         self.has_lines = true;
-        let start = indent(version);
+        let start = indent(line, version);
+        self.indent = start;
         self.date = calendar(columns(line, start - 1..start + 19));
         if self.date.is_none() {
             self.note(format!("{:?} is not a date and time", text(line, start..start + 19)));
@@ -101,20 +117,22 @@ impl Record {
     }
 
     /// Takes one more line.
-    pub(super) fn continue_with(&mut self, line: &[u8], version: Version) {
-        self.take_numbers(line, indent(version), 4);
+    pub(super) fn continue_with(&mut self, line: &[u8]) {
+        self.take_numbers(line, self.indent, 4);
     }
 
     fn take_numbers(&mut self, line: &[u8], start: usize, count: usize) {
         for i in 0..count {
             let field = start + 19 * i..start + 19 * (i + 1);
+            if self.values.len() == VALUES_MAX {
+                break;
+            }
             let value = exponential(columns(line, field.clone()));
             if value.is_none() {
-                self.note(format!("{:?} is not a number", text(line, field)));
+                let what = format!("{:?} is not a number", text(line, field));
+                self.damaged_values.push((self.values.len(), what));
             }
-            if self.values.len() < VALUES_MAX {
-                self.values.push(value.unwrap_or(0.0));
-            }
+            self.values.push(value.unwrap_or(0.0));
         }
     }
 
@@ -125,6 +143,11 @@ impl Record {
     /// The number at `index`, zero if the record is shorter.
     pub(super) fn value(&self, index: usize) -> f64 {
         self.values.get(index).copied().unwrap_or(0.0)
+    }
+
+    /// Whether the number at `index` is there and was read.
+    pub(super) fn has(&self, index: usize) -> bool {
+        index < self.values.len() && !self.damaged_values.iter().any(|(at, _)| *at == index)
     }
 
     /// System and message, for the count of records that are read past.

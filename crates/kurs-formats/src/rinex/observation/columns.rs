@@ -4,6 +4,7 @@ use kurs::observation::{Lock, Observation};
 use kurs::signal::{Band, Satellite, Signal, System};
 
 use super::header::{ObservationCode, ObservationHeader};
+use crate::rinex::codes;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +33,8 @@ pub(super) struct Columns {
     /// Every signal once, in the order of its first column.
     pub(super) signals: Vec<Signal>,
     pub(super) columns: Vec<Column>,
+    /// Codes of observations that the version does not have: what they mean nobody knows.
+    pub(super) unknown: Vec<ObservationCode>,
 }
 
 impl Columns {
@@ -47,7 +50,12 @@ impl Columns {
             };
             let (quantity, signal) = match meaning {
                 Some((quantity, signal)) => (quantity, columns.signal_index(signal)),
-                None => (Quantity::Other, 0),
+                None => {
+                    if means_nothing(system, code, codes, header) {
+                        columns.unknown.push(code);
+                    }
+                    (Quantity::Other, 0)
+                }
             };
             let divisor = 1000.0 * header.scale_factor(system, code);
             columns.columns.push(Column { signal, quantity, divisor });
@@ -76,6 +84,21 @@ impl Columns {
     }
 }
 
+/// Whether the format has no such code. One list of RINEX 2 is for all systems, and some of it means
+/// nothing for most of them; what means nothing for any is told of the first one.
+fn means_nothing(
+    system: System,
+    code: ObservationCode,
+    codes: &[ObservationCode],
+    header: &ObservationHeader,
+) -> bool {
+    let [first, ..] = System::ALL;
+    let is_told = header.version.major >= 3
+        || system == first
+            && System::ALL.iter().all(|system| version_2_meaning(*system, code, codes).is_none());
+    is_told && quantity_of(code.0[0]) != Quantity::Other
+}
+
 fn quantity_of(letter: u8) -> Quantity {
     match letter {
         b'C' | b'P' => Quantity::Pseudorange,
@@ -97,11 +120,12 @@ fn version_3_meaning(
     // B1I is band 2 since RINEX 3.03 and was band 1 in 3.02; B1C (since 3.03) has no I and no Q.
     let b1i = system == System::BeiDou
         && digit == b'1'
-        && (matches!(attribute, b'I' | b'Q') || header.version.is_before(3, 3));
+        && (matches!(attribute, b'I' | b'Q')
+            || attribute == b'X' && header.version.is_before(3, 3));
     let band = Band::new(system, if b1i { 2 } else { digit - b'0' });
-    let known =
-        quantity != Quantity::Other && letter != b'P' && band.frequency_hz(Some(0)).is_some();
-    known.then_some((quantity, Signal { band, attribute }))
+    let signal = Signal { band, attribute };
+    let known = quantity != Quantity::Other && letter != b'P' && codes::exists(signal);
+    known.then_some((quantity, signal))
 }
 
 /// RINEX 2: quantity letter and band digit; which code was tracked is known for pseudoranges only.

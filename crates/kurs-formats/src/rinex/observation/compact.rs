@@ -58,6 +58,8 @@ pub(super) struct CompactLines {
     /// An epoch was dropped before the block, or behind it.
     lost: bool,
     lost_behind: bool,
+    /// The header of another file follows.
+    header_behind: bool,
 }
 
 /// A satellite of the epoch, and its line in the file.
@@ -167,6 +169,7 @@ impl CompactLines {
             block: Block::default(),
             lost: false,
             lost_behind: false,
+            header_behind: false,
         }
     }
 
@@ -231,6 +234,11 @@ impl CompactLines {
         }
         self.in_header = false;
         while self.block.next == self.block.lines.len() {
+            if core::mem::take(&mut self.header_behind) {
+                self.in_header = true;
+                self.records = HeaderRecords::default();
+                return self.source.advance();
+            }
             if !self.decode_epoch(damage)? {
                 return Ok(false);
             }
@@ -254,6 +262,9 @@ impl CompactLines {
         self.lost |= core::mem::take(&mut self.lost_behind);
         if !self.epoch_known && !self.source.advance()? {
             return Ok(false);
+        }
+        if self.finds_header() {
+            return Ok(true);
         }
         let first = self.source.line_number();
         if !core::mem::take(&mut self.epoch_known) && !self.take_epoch_line() {
@@ -365,11 +376,14 @@ impl CompactLines {
             self.source.hold_line();
             return Ok(());
         }
+        if self.finds_header() {
+            return Ok(());
+        }
         let number = self.source.line_number();
         let line = self.source.line().trim_ascii_end();
         let one_field = !line.contains(&b' ');
         // An empty line would mean the same epoch again; there are some at the end of files.
-        if line.is_empty() {
+        if line.is_empty() || line == b"END OF FILE" {
             if !self.source.advance()? {
                 return Ok(());
             }
@@ -384,6 +398,17 @@ impl CompactLines {
             self.block.clear();
         }
         self.skip_to_full_epoch(number, damage)
+    }
+
+    /// Whether another file begins here (files were joined); its header is read next.
+    fn finds_header(&mut self) -> bool {
+        let begins = label(self.source.line()) == b"CRINEX VERS   / TYPE";
+        if begins {
+            self.source.hold_line();
+            self.epoch_text.clear();
+            self.header_behind = true;
+        }
+        begins
     }
 
     /// Whether the line is an epoch line in full, from which everything begins anew.
@@ -458,6 +483,9 @@ impl CompactLines {
         while self.source.advance()? {
             if self.is_full_epoch_line() {
                 self.source.hold_line();
+                break;
+            }
+            if self.finds_header() {
                 break;
             }
             last = self.source.line_number();

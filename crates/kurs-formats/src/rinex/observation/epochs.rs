@@ -14,10 +14,12 @@ use super::compact::Row;
 use super::epoch_line::{EpochFlag, EpochLine};
 use super::events::EventLog;
 use super::fields::{FIELD, Seen, drop_empty, is_observations, present, put_fields, text_field};
+use super::first_record;
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
-use super::slips::PendingSlips;
 use crate::damage::DamageLog;
+use crate::epoch_order::RawEpochs;
+use crate::pending_slips::PendingSlips;
 use crate::rinex::fields::{columns, label};
 use crate::source::ReadError;
 
@@ -41,34 +43,23 @@ pub(super) struct EpochReader {
     /// One for each system, in the order of [`System::ALL`].
     columns: [Columns; System::ALL.len()],
     satellites: Vec<Option<Satellite>>,
+    /// Those of the epoch before.
+    before: Vec<Option<Satellite>>,
 }
 
-impl EpochReader {
-    /// Reads the header; the lines are at its first record, which is in `header` already.
-    pub(super) fn new(lines: Lines, header: ObservationHeader) -> Result<Self, ReadError> {
-        let mut reader = Self {
-            lines,
-            header,
-            damage: DamageLog::default(),
-            slips: PendingSlips::default(),
-            events: EventLog::default(),
-            field_count: 0,
-            columns: Default::default(),
-            satellites: Vec::new(),
-        };
-        reader.read_header()?;
-        Ok(reader)
-    }
-
-    /// Reads the next epoch into `epoch` and gives its line; `None` at the end. Events on the way
-    /// change the header or become slips.
-    pub(super) fn next(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
+impl RawEpochs for EpochReader {
+    /// Events on the way change the header or become slips.
+    fn next(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
         while self.advance()? {
             if self.lines.take_lost() {
                 self.slips.mark_all();
             }
             let Some(line) = self.epoch_line() else {
-                self.skip_to_epoch()?;
+                if is_header_record(self.lines.line()) {
+                    self.read_joined_header()?;
+                } else {
+                    self.skip_to_epoch()?;
+                }
                 continue;
             };
             let number = self.lines.line_number();
@@ -97,6 +88,33 @@ impl EpochReader {
         }
         epoch.observations.clear();
         Ok(None)
+    }
+
+    fn slips(&mut self) -> &mut PendingSlips {
+        &mut self.slips
+    }
+
+    fn damage(&mut self) -> &mut DamageLog {
+        &mut self.damage
+    }
+}
+
+impl EpochReader {
+    /// Reads the header; the lines are at its first record, which is in `header` already.
+    pub(super) fn new(lines: Lines, header: ObservationHeader) -> Result<Self, ReadError> {
+        let mut reader = Self {
+            lines,
+            header,
+            damage: DamageLog::default(),
+            slips: PendingSlips::default(),
+            events: EventLog::default(),
+            field_count: 0,
+            columns: Default::default(),
+            satellites: Vec::new(),
+            before: Vec::new(),
+        };
+        reader.read_header()?;
+        Ok(reader)
     }
 
     fn advance(&mut self) -> Result<bool, ReadError> {
@@ -132,9 +150,60 @@ impl EpochReader {
         Ok(())
     }
 
+    /// Header records in the midst of the data: files were joined. They are obeyed up to the end of
+    /// the header, and all phases slipped.
+    fn read_joined_header(&mut self) -> Result<(), ReadError> {
+        self.damage.note(self.lines.line_number(), "a second header: files were joined here");
+        let mut records = HeaderRecords::default();
+        loop {
+            let (line, number) = (self.lines.line(), self.lines.line_number());
+            match label(line) {
+                b"END OF HEADER" => break,
+                b"CRINEX VERS   / TYPE" if matches!(self.lines, Lines::Plain(_)) => {
+                    let what = "a compact file begins in a plain one: give them one by one";
+                    return Err(self.lines.source().bad_line(what));
+                }
+                b"RINEX VERSION / TYPE" => {
+                    let header = first_record(self.lines.source(), line)?;
+                    if (header.version.major < 3) != (self.header.version.major < 3) {
+                        let what = format!(
+                            "a second header of RINEX {} begins in a file of RINEX {}: these files \
+                             cannot be read joined, give them one by one",
+                            header.version, self.header.version
+                        );
+                        return Err(self.lines.source().bad_line(what));
+                    }
+                    self.header = header;
+                }
+                _ => records.read(&mut self.header, line, number, &mut self.damage),
+            }
+            if !self.advance()? {
+                break;
+            }
+            if self.epoch_line().is_some() {
+                self.lines.hold_line();
+                break;
+            }
+        }
+        self.slips.mark_all();
+        self.lay_out_columns();
+        Ok(())
+    }
+
+    /// Finds out what the columns mean; codes that mean nothing are named.
     fn lay_out_columns(&mut self) {
+        let line = self.lines.line_number();
         for (columns, system) in self.columns.iter_mut().zip(System::ALL) {
-            *columns = Columns::of(system, &self.header);
+            let known = core::mem::replace(columns, Columns::of(system, &self.header));
+            if !columns.unknown.is_empty() && columns.unknown != known.unknown {
+                let version = self.header.version;
+                let who = if version.major < 3 { "no system".into() } else { system.to_string() };
+                let has = if version.major < 3 { "has" } else { "has no" };
+                let names: Vec<String> = columns.unknown.iter().map(ToString::to_string).collect();
+                let names = names.join(", ");
+                let what = format!("{who} {has} observations {names} in RINEX {version}, not read");
+                self.damage.note(line, what);
+            }
         }
     }
 
@@ -183,6 +252,7 @@ impl EpochReader {
         epoch.power_failure = line.flag == EpochFlag::AfterPowerFailure;
         epoch.clock_offset_s = line.clock_offset_s.filter(|_| !self.header.clock_offset_applied);
         epoch.observations.clear();
+        core::mem::swap(&mut self.satellites, &mut self.before);
         self.satellites.clear();
         if line.flag.has_observations() && matches!(self.lines, Lines::Compact(_)) {
             self.take_decoded(line.count, epoch);
@@ -242,7 +312,11 @@ impl EpochReader {
                 self.lines.hold_line();
                 break;
             }
-            if columns(line, 60..67) == b"COMMENT" || line.trim_ascii().is_empty() {
+            if is_header_record(line) {
+                self.lines.hold_line();
+                break;
+            }
+            if says_nothing(line) {
                 continue;
             }
             if found == count {
@@ -254,7 +328,6 @@ impl EpochReader {
             }
             let Some(satellite) = satellite(columns(line, 0..3)) else {
                 self.damage.note(number, "not the line of a satellite, skipped");
-                self.slips.mark_all();
                 continue;
             };
             if !seen.admit(satellite) {
@@ -283,7 +356,13 @@ impl EpochReader {
             let line = self.lines.line_number();
             let what = "satellites in the epoch instead of";
             self.damage.note_with(line, || format!("{found} {what} {count}").into());
+        }
+        // A line that was lost is that of a satellite that was there before and is not now; of
+        // repeated ones nobody can tell.
+        if repeated > 0 {
             self.slips.mark_all();
+        } else if found < count || self.satellites.len() < found {
+            self.mark_absent();
         }
         // Too many, and the same again: the line of the next epoch is lost, its satellites are not
         // of this one.
@@ -291,6 +370,15 @@ impl EpochReader {
             epoch.observations.truncate(end);
         }
         Ok(())
+    }
+
+    /// Marks the phases of the satellites that the epoch before had and this one has not.
+    fn mark_absent(&mut self) {
+        for satellite in self.before.iter().filter(|s| !self.satellites.contains(s)).flatten() {
+            for signal in &self.columns[satellite.system as usize].signals {
+                self.slips.mark(*satellite, *signal);
+            }
+        }
     }
 
     /// RINEX 2: the satellites of an epoch, twelve a line from column 33 on.
@@ -409,12 +497,12 @@ impl EpochReader {
     fn skip_to_epoch(&mut self) -> Result<(), ReadError> {
         let first = self.lines.line_number();
         let line = self.lines.line();
-        if line.trim_ascii().is_empty() || columns(line, 60..67) == b"COMMENT" {
+        if says_nothing(line) {
             return Ok(());
         }
         let mut skipped = 1_u64;
         while self.advance()? {
-            if self.epoch_line().is_some() {
+            if self.epoch_line().is_some() || is_header_record(self.lines.line()) {
                 self.lines.hold_line();
                 break;
             }
@@ -426,6 +514,34 @@ impl EpochReader {
         });
         Ok(())
     }
+}
+
+/// Whether a line in the data is a record of a header: no columns of observations read so.
+fn is_header_record(line: &[u8]) -> bool {
+    matches!(
+        label(line),
+        b"RINEX VERSION / TYPE"
+            | b"CRINEX VERS   / TYPE"
+            | b"CRINEX PROG / DATE"
+            | b"PGM / RUN BY / DATE"
+            | b"MARKER NAME"
+            | b"OBSERVER / AGENCY"
+            | b"REC # / TYPE / VERS"
+            | b"ANT # / TYPE"
+            | b"APPROX POSITION XYZ"
+            | b"ANTENNA: DELTA H/E/N"
+            | b"WAVELENGTH FACT L1/2"
+            | b"# / TYPES OF OBSERV"
+            | b"SYS / # / OBS TYPES"
+            | b"TIME OF FIRST OBS"
+            | b"END OF HEADER"
+    )
+}
+
+/// Whether a line in the data is empty, a comment, or the mark that some programs end files with.
+fn says_nothing(line: &[u8]) -> bool {
+    let text = line.trim_ascii();
+    text.is_empty() || text == b"END OF FILE" || columns(line, 60..67) == b"COMMENT"
 }
 
 fn undeclared(satellite: Satellite) -> Cow<'static, str> {

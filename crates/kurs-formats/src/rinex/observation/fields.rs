@@ -4,8 +4,8 @@ use kurs::observation::{Lock, Observation};
 use kurs::signal::{Satellite, System};
 
 use super::columns::{Column, Quantity};
-use super::slips::PendingSlips;
 use crate::damage::DamageLog;
+use crate::pending_slips::PendingSlips;
 use crate::rinex::fields::{Damaged, columns, f14_3};
 
 /// Width of an observation: F14.3, loss-of-lock digit, strength digit.
@@ -77,7 +77,16 @@ pub(super) fn text_field(line: &[u8], index: usize) -> Result<Field, Damaged> {
     let field = columns(line, index * FIELD..(index + 1) * FIELD);
     let digit_at = |at: usize| field.get(at).map_or(Ok(0), |byte| digit(*byte));
     let (indicator, _strength) = (digit_at(14)?, digit_at(15)?);
-    Ok(Field { thousandths: f14_3(&field[..field.len().min(14)])?, indicator })
+    let number = &field[..field.len().min(14)];
+    let thousandths = if is_no_number(number) { None } else { f14_3(number)? };
+    Ok(Field { thousandths, indicator })
+}
+
+/// Whether a program wrote what it has for a number that is none.
+fn is_no_number(field: &[u8]) -> bool {
+    let text = field.trim_ascii();
+    let text = text.strip_prefix(b"-").unwrap_or(text);
+    [&b"nan"[..], b"inf"].iter().any(|none| text.eq_ignore_ascii_case(none))
 }
 
 /// A loss-of-lock or strength digit, blank being zero.

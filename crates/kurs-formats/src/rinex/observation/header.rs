@@ -364,15 +364,20 @@ impl HeaderRecords {
         Some(())
     }
 
-    /// `A1,1X,A3,1X,F8.5,2X,I2.2,10(1X,A3)`.
+    /// `A1,1X,A3,1X,F8.5,2X,I2.2,10(1X,A3)`; the quantity is left out by some programs. What cannot be
+    /// read is passed over, because the record changes nothing.
     fn phase_shift(&mut self, header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
         let letter = line.first().copied().unwrap_or(b' ');
         if letter != b' ' {
             self.shift_of = None;
-            let system = System::from_letter(letter)?;
-            let &[b'L', digit @ b'1'..=b'9', attribute] = columns(line, 2..5) else {
-                // A system without a signal: the alignment is not known.
-                return columns(line, 1..60).trim_ascii().is_empty().then_some(());
+            let (
+                Some(system),
+                &([b'L', digit @ b'1'..=b'9', attribute]
+                | [b' ', digit @ b'1'..=b'9', attribute]
+                | [digit @ b'1'..=b'9', attribute, b' ']),
+            ) = (System::from_letter(letter), columns(line, 2..5))
+            else {
+                return Some(());
             };
             let signal = Signal::new(system, digit - b'0', attribute);
             let correction_cycles = decimal(columns(line, 6..14));
@@ -383,9 +388,7 @@ impl HeaderRecords {
             let shift = PhaseShift { signal, correction_cycles, satellites: Vec::new() };
             header.phase_shifts.push(shift);
         }
-        let Some(index) = self.shift_of else {
-            return columns(line, 0..60).trim_ascii().is_empty().then_some(());
-        };
+        let Some(index) = self.shift_of else { return Some(()) };
         let shift = header.phase_shifts.get_mut(index)?;
         if shift.satellites.len() < RECORDS_MAX {
             let names = (0..10).map(|place| columns(line, 19 + 4 * place..22 + 4 * place));

@@ -11,8 +11,6 @@ mod events;
 mod fields;
 mod header;
 mod lines;
-mod order;
-mod slips;
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -28,10 +26,10 @@ pub use self::header::{
     ObservationCode, ObservationHeader, PhaseShift, ScaleFactor, TimeSystem, Version,
 };
 use self::lines::Lines;
-use self::order::EpochOrder;
 use super::fields::{columns, label, text};
 use crate::content::Content;
 use crate::damage::Damage;
+use crate::epoch_order::Ordered;
 use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
@@ -55,8 +53,7 @@ const EXPECTED: &str = "a RINEX observation file (2.10 to 4.02, also compact or 
 /// * What cannot be used is listed in [`ObservationReader::damage`], and reading goes on behind it.
 #[derive(Debug)]
 pub struct ObservationReader {
-    epochs: EpochReader,
-    order: EpochOrder,
+    epochs: Ordered<EpochReader>,
 }
 
 impl ObservationReader {
@@ -89,19 +86,19 @@ impl ObservationReader {
     /// As [`ObservationReader::open`].
     pub fn from_source(source: Source) -> Result<Self, ReadError> {
         let (lines, header) = open_lines(source)?;
-        Ok(Self { epochs: EpochReader::new(lines, header)?, order: EpochOrder::default() })
+        Ok(Self { epochs: Ordered::new(EpochReader::new(lines, header)?) })
     }
 
     /// The header as it stands after the last epoch that was read.
     #[must_use]
     pub const fn header(&self) -> &ObservationHeader {
-        &self.epochs.header
+        &self.epochs.raw.header
     }
 
     /// GLONASS frequency channel of each orbital slot that the header tells.
     #[must_use]
     pub const fn glonass_channels(&self) -> &BTreeMap<u8, i8> {
-        &self.epochs.header.glonass_channels
+        &self.epochs.raw.header.glonass_channels
     }
 
     /// What was skipped so far, the first [`DamageLog::LISTED_MAX`] entries of it.
@@ -109,32 +106,32 @@ impl ObservationReader {
     /// [`DamageLog::LISTED_MAX`]: crate::damage::DamageLog::LISTED_MAX
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
-        self.epochs.damage.listed()
+        self.epochs.raw.damage.listed()
     }
 
     /// How much was skipped so far, the unlisted included.
     #[must_use]
     pub const fn damage_count(&self) -> u64 {
-        self.epochs.damage.total()
+        self.epochs.raw.damage.total()
     }
 
     /// What happened between the observations so far: power failures, moves, external events.
     #[must_use]
     pub const fn events(&self) -> &EventLog {
-        &self.epochs.events
+        &self.epochs.raw.events
     }
 
     /// Fields of signals that were not blank so far: observations as the file counts them, zeros
     /// (which mean a missing observation) and skipped epochs included.
     #[must_use]
     pub const fn field_count(&self) -> u64 {
-        self.epochs.field_count
+        self.epochs.raw.field_count
     }
 
     /// Name of the file.
     #[must_use]
     pub fn name(&self) -> &str {
-        self.epochs.lines.source().name()
+        self.epochs.raw.lines.source().name()
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the file.
@@ -143,65 +140,8 @@ impl ObservationReader {
     ///
     /// [`ReadError::Io`] if the operating system refuses to read on.
     pub fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        let Some(line) = self.next_later(epoch)? else { return Ok(false) };
-        if self.order.jumps(epoch.time) {
-            self.confirm(epoch, line)?;
-        }
-        self.order.give_out(epoch.time);
-        Ok(true)
+        self.epochs.next_epoch(epoch)
     }
-
-    /// The next epoch that is later than all before, with its line.
-    fn next_later(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
-        loop {
-            let line = match self.order.take_next(epoch) {
-                Some(line) => line,
-                None => match self.epochs.next(epoch)? {
-                    Some(line) => line,
-                    None => return Ok(None),
-                },
-            };
-            if self.order.is_later(epoch.time) {
-                return Ok(Some(line));
-            }
-            note_late(&mut self.epochs, epoch, line);
-        }
-    }
-
-    /// Keeps an epoch that jumps ahead only if the one behind it is not earlier.
-    fn confirm(&mut self, epoch: &mut AntennaEpoch, mut line: u64) -> Result<(), ReadError> {
-        loop {
-            let Some(next_line) = self.epochs.next(self.order.next_mut())? else { return Ok(()) };
-            let next_time = self.order.next_mut().time;
-            if next_time > epoch.time {
-                self.order.hold_next(next_line);
-                return Ok(());
-            }
-            let next_is_right = next_time < epoch.time && self.order.is_later(next_time);
-            if !next_is_right {
-                note_late(&mut self.epochs, self.order.next_mut(), next_line);
-                continue;
-            }
-            core::mem::swap(self.order.next_mut(), epoch);
-            let skipped = self.order.next_mut();
-            self.epochs.damage.note_with(line, || {
-                format!("epoch {} lies ahead of the next one, skipped", skipped.time).into()
-            });
-            self.epochs.slips.keep_from(skipped);
-            self.epochs.slips.apply(epoch, false);
-            line = next_line;
-            if !self.order.jumps(epoch.time) {
-                return Ok(());
-            }
-        }
-    }
-}
-
-fn note_late(epochs: &mut EpochReader, epoch: &AntennaEpoch, line: u64) {
-    epochs.slips.keep_from(epoch);
-    epochs.damage.note_with(line, || {
-        format!("epoch {} is not later than the one before, skipped", epoch.time).into()
-    });
 }
 
 /// Finds the RINEX header and reads its first record.
@@ -222,7 +162,7 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
                 compact_version = Some(version);
             }
             b"RINEX VERSION / TYPE" => {
-                let header = first_record(&source)?;
+                let header = first_record(&source, source.line())?;
                 let lines = match compact_version {
                     None => Lines::Plain(source),
                     Some(version) => {
@@ -238,8 +178,7 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
 }
 
 /// Version and system of the file.
-fn first_record(source: &Source) -> Result<ObservationHeader, ReadError> {
-    let line = source.line();
+fn first_record(source: &Source, line: &[u8]) -> Result<ObservationHeader, ReadError> {
     let version = Version::parse(columns(line, 0..9));
     let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {
         let found = format!("RINEX version {:?}", text(line, 0..20));

@@ -11,7 +11,7 @@ use kurs::signal::{Satellite, Signal};
 /// something that is not given out: a skipped epoch, a damaged field. A slip stays until the
 /// satellite and signal have a phase again.
 #[derive(Debug, Default)]
-pub(super) struct PendingSlips {
+pub(crate) struct PendingSlips {
     signals: BTreeSet<(Satellite, Signal)>,
     all: bool,
     power_failure: bool,
@@ -19,29 +19,29 @@ pub(super) struct PendingSlips {
 
 impl PendingSlips {
     /// The next phase of this satellite and signal has slipped.
-    pub(super) fn mark(&mut self, satellite: Satellite, signal: Signal) {
+    pub(crate) fn mark(&mut self, satellite: Satellite, signal: Signal) {
         self.signals.insert((satellite, signal));
     }
 
     /// Observations were lost and with them their digits: any phase may have slipped.
-    pub(super) const fn mark_all(&mut self) {
+    pub(crate) const fn mark_all(&mut self) {
         self.all = true;
     }
 
     /// Keeps the slips of an epoch that is skipped.
-    pub(super) fn keep_from(&mut self, skipped: &AntennaEpoch) {
+    pub(crate) fn keep_from(&mut self, skipped: &AntennaEpoch) {
         self.power_failure |= skipped.power_failure;
         let slipped = skipped.observations.iter().filter(|o| o.lock.slipped());
         self.signals.extend(slipped.map(|o| (o.satellite, o.signal)));
     }
 
     /// Whether all phases of the epoch that begins here may have slipped.
-    pub(super) fn take_all(&mut self) -> bool {
+    pub(crate) fn take_all(&mut self) -> bool {
         core::mem::take(&mut self.all)
     }
 
     /// Marks what is pending in an epoch; `all` from before it was read.
-    pub(super) fn apply(&mut self, epoch: &mut AntennaEpoch, all: bool) {
+    pub(crate) fn apply(&mut self, epoch: &mut AntennaEpoch, all: bool) {
         epoch.power_failure |= core::mem::take(&mut self.power_failure);
         if !all && self.signals.is_empty() {
             return;

@@ -6,7 +6,7 @@
 
 /// What the bits of one stream have shown so far.
 #[derive(Debug, Default)]
-pub(super) struct PromptEnd {
+pub(crate) struct PromptEnd {
     trust: Trust,
     /// Of the messages of the epoch so far: whether the last one says that more follow, and whether
     /// all before it did.
@@ -24,7 +24,7 @@ enum Trust {
 
 impl PromptEnd {
     /// The first message of an epoch has come: judges the epoch before.
-    pub(super) fn begin(&mut self, more_follow: bool) {
+    pub(crate) fn begin(&mut self, more_follow: bool) {
         if self.trust == Trust::Untested && self.is_consistent && !self.more_follow {
             self.trust = Trust::Trusted;
         }
@@ -32,18 +32,18 @@ impl PromptEnd {
     }
 
     /// A further message of the epoch has come.
-    pub(super) fn go_on(&mut self, more_follow: bool) {
+    pub(crate) fn go_on(&mut self, more_follow: bool) {
         self.is_consistent &= self.more_follow;
         self.more_follow = more_follow;
     }
 
     /// A message has come behind the one that was the last.
-    pub(super) fn came_behind(&mut self) {
+    pub(crate) fn came_behind(&mut self) {
         self.trust = Trust::Lost;
     }
 
     /// Whether the epoch is complete.
-    pub(super) fn is_complete(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         self.trust == Trust::Trusted && !self.more_follow
     }
 }

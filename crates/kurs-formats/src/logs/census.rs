@@ -1,19 +1,23 @@
-//! The stations or antennas of a log.
+//! What is in a log: its messages with their numbers, and its parts.
 
 use core::fmt;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::LogOptions;
 use super::frames::{FrameScanner, Protocol};
+use super::message::MessageKind;
 use crate::damage::DamageLog;
-use crate::rtcm::msm;
+use crate::rtcm::ObservationHeader;
 use crate::sbf::block::Block;
 use crate::sbf::{AntennaId, measurements};
 use crate::source::{ReadError, Source};
+use crate::ubx::rawx;
 
 /// What of a log has observations of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LogPart {
+    /// The receiver that writes u-blox messages.
+    Receiver,
     /// A station of RTCM 3 messages.
     Station(u16),
     /// An antenna of a Septentrio receiver.
@@ -24,13 +28,11 @@ impl LogPart {
     /// The options that choose it.
     #[must_use]
     pub fn options(self) -> LogOptions {
+        let none = LogOptions::default();
         match self {
-            Self::Station(station) => {
-                LogOptions { station: Some(station), ..LogOptions::default() }
-            }
-            Self::Antenna(antenna) => {
-                LogOptions { antenna: Some(antenna), ..LogOptions::default() }
-            }
+            Self::Receiver => LogOptions { protocol: Some(Protocol::Ubx), ..none },
+            Self::Station(station) => LogOptions { station: Some(station), ..none },
+            Self::Antenna(antenna) => LogOptions { antenna: Some(antenna), ..none },
         }
     }
 }
@@ -38,26 +40,40 @@ impl LogPart {
 impl fmt::Display for LogPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Receiver => f.write_str("the receiver's own messages"),
             Self::Station(station) => write!(f, "station {station}"),
             Self::Antenna(antenna) => write!(f, "antenna {antenna}"),
         }
     }
 }
 
-/// Reads a log to its end and tells which stations or antennas have observations in it; a log whose
-/// protocol knows of none has no parts.
+/// What is in a log.
+#[derive(Debug, Clone, Default)]
+pub struct Census {
+    /// Every kind of message with its number.
+    pub messages: BTreeMap<MessageKind, u64>,
+    /// Everything that has observations.
+    pub parts: BTreeSet<LogPart>,
+}
+
+/// Reads a log to its end and tells what is in it.
 ///
 /// # Errors
 ///
 /// [`ReadError::Io`] if it cannot be read.
-pub fn parts(source: &mut Source) -> Result<BTreeSet<LogPart>, ReadError> {
+pub fn census(source: &mut Source) -> Result<Census, ReadError> {
     let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
-    let mut parts = BTreeSet::new();
+    let mut census = Census::default();
     while let Some(frame) = scanner.next(source, &mut damage)? {
+        *census.messages.entry(MessageKind::of(&frame)).or_default() += 1;
+        let parts = &mut census.parts;
         match frame.protocol {
-            Protocol::Ubx => {}
+            Protocol::Ubx => {
+                parts.extend((frame.body[..2] == rawx::RXM_RAWX).then_some(LogPart::Receiver));
+            }
             Protocol::Rtcm3 => {
-                parts.extend(msm::Header::read(frame.body).map(|h| LogPart::Station(h.station)));
+                let header = ObservationHeader::read(frame.body);
+                parts.extend(header.map(|header| LogPart::Station(header.station)));
             }
             Protocol::Sbf => {
                 let block = Block::of(frame.body);
@@ -70,5 +86,5 @@ pub fn parts(source: &mut Source) -> Result<BTreeSet<LogPart>, ReadError> {
             }
         }
     }
-    Ok(parts)
+    Ok(census)
 }
