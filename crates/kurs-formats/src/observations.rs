@@ -207,6 +207,15 @@ impl ObservationSource {
             Self::Log(reader) => reader.name(),
         }
     }
+
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        match self {
+            Self::Rinex(reader) => reader.bytes_read(),
+            Self::Log(reader) => reader.bytes_read(),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -36,6 +36,7 @@ fn coordinates_of_a_car_near_a_station() {
         sd_scale: 1.0,
         method: Method::Weighted,
         max_tilt_rad: core::f64::consts::PI,
+        max_angle_sd_rad: f64::INFINITY,
         points_m: Vec::new(),
     })
     .unwrap();
@@ -60,8 +61,11 @@ fn coordinates_of_a_car_near_a_station() {
             let found_m = place.geodetic.to_ecef();
             by_code.push((found_m - true_m).norm());
             let sd = |axis: usize| place.covariance_m2[(axis, axis)].sqrt();
-            fixes[place.index] =
-                Some(AntennaFix { position_m: found_m, sd_ned_m: [sd(0), sd(1), sd(2)] });
+            fixes[place.index] = Some(AntennaFix {
+                position_m: found_m,
+                sd_ned_m: [sd(0), sd(1), sd(2)],
+                doubt: None,
+            });
         }
         let chain = by_coordinates.push(&PositionEpoch { time: row.time, antennas: fixes });
         chain_headings.extend(angle_errors(truth, &chain).map(|e| e.x.to_degrees()));

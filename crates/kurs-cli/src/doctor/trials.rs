@@ -3,16 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use kurs::antenna_calibration::MountedAntenna;
+use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::{Band, System};
 use kurs::solution::{EpochSolution, LeftOut, Status};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::causes;
 use super::sample::Sample;
+
+/// Arrays thinner than this are flat: their mirror image is themselves, turned.
+const MIN_THICKNESS_M: f64 = 0.03;
 
 /// A way to solve the sample, and what came of it.
 pub(super) struct Trial {
@@ -29,6 +35,8 @@ pub(super) struct Trials {
     pub(super) without_system: Vec<(System, Trial)>,
     /// Without one antenna each, if three or more are there.
     pub(super) without_antenna: Vec<(usize, Trial)>,
+    /// With the mirror image of the known array, where that is another array.
+    pub(super) mirrored: Option<Trial>,
 }
 
 /// A trial in `doctor.json`.
@@ -83,7 +91,12 @@ impl Trials {
             }
             (antenna, solve(format!("without {}", names[antenna]), &free, &epochs))
         });
+        let mirrored = settings.array.as_ref().and_then(mirror_image).map(|image| {
+            let settings = Settings { array: Some(image), ..settings.clone() };
+            solve("mirror image".into(), &settings, &sample.epochs)
+        });
         Self {
+            mirrored,
             without_system: without_system.collect(),
             without_antenna: without_antenna.collect(),
             configured: solve("as configured".into(), &settings, &sample.epochs),
@@ -96,6 +109,7 @@ impl Trials {
             .into_iter()
             .chain(self.without_system.iter().map(|(_, trial)| trial))
             .chain(self.without_antenna.iter().map(|(_, trial)| trial))
+            .chain(&self.mirrored)
     }
 
     /// For `doctor.json`.
@@ -161,14 +175,17 @@ impl Trial {
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(f64::INFINITY)
     }
+}
 
-    pub(super) fn share_text(&self) -> String {
-        format!(
-            "{:.1} % of {} epochs are fixed",
-            100.0 * self.share(Status::Fixed),
-            self.rows.len()
-        )
-    }
+/// The array with right and left exchanged; `None` where that is the same array turned: antennas in
+/// one plane.
+fn mirror_image(array: &AntennaArray) -> Option<AntennaArray> {
+    let places: Vec<Vector3<f64>> = array.positions_m().iter().map(Vector::xyz).collect();
+    let centre = places.iter().sum::<Vector3<f64>>() / places.len() as f64;
+    let spread: Matrix3<f64> = places.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
+    let thickness_m = spread.symmetric_eigenvalues().min().max(0.0).sqrt();
+    let image = places.iter().map(|p| Vector::new(p.x, -p.y, p.z)).collect();
+    AntennaArray::new(image).ok().filter(|_| thickness_m > MIN_THICKNESS_M)
 }
 
 /// Bands that two antennas have and that are wanted.

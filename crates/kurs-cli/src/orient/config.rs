@@ -40,7 +40,7 @@ pub(super) struct PointTable {
 pub(super) struct OrientTable {
     /// Times of one epoch differ by no more.
     pub(super) match_window_s: f64,
-    /// Standard deviations where the positions state none; only their ratio matters then.
+    /// Standard deviations where the positions state none; the known lengths may scale them.
     pub(super) sd_north_m: f64,
     pub(super) sd_east_m: f64,
     pub(super) sd_down_m: f64,
@@ -48,6 +48,8 @@ pub(super) struct OrientTable {
     pub(super) array_sd_m: f64,
     /// What the body cannot exceed in pitch or roll.
     pub(super) max_tilt_deg: f64,
+    /// An angle less certain than this stays empty.
+    pub(super) max_angle_sd_deg: f64,
 }
 
 impl Default for OrientTable {
@@ -59,6 +61,7 @@ impl Default for OrientTable {
             sd_down_m: 0.02,
             array_sd_m: 0.0,
             max_tilt_deg: 90.0,
+            max_angle_sd_deg: 5.0,
         }
     }
 }
@@ -91,6 +94,11 @@ impl Config {
         AntennaArray::new(positions).map(Some).map_err(|error| UsageError(error.to_string()))
     }
 
+    /// The places of the antennas on the body, where they are given.
+    pub(super) fn places(&self) -> Vec<Option<[f64; 3]>> {
+        self.antenna.iter().map(|antenna| antenna.position_m).collect()
+    }
+
     /// Refuses values that cannot be meant.
     pub(super) fn check(&self) -> Result<(), UsageError> {
         if self.antenna.len() < 2 {
@@ -109,6 +117,7 @@ impl Config {
             sd_down_m,
             array_sd_m,
             max_tilt_deg,
+            max_angle_sd_deg,
         } = self.orient;
         for (key, value, least) in [
             ("match_window_s", match_window_s, 0.0),
@@ -117,6 +126,7 @@ impl Config {
             ("sd_east_m", sd_east_m, 1e-6),
             ("sd_down_m", sd_down_m, 1e-6),
             ("max_tilt_deg", max_tilt_deg, 0.0),
+            ("max_angle_sd_deg", max_angle_sd_deg, 0.0),
         ] {
             if value.is_nan() || value < least {
                 return Err(UsageError(format!(

@@ -41,7 +41,7 @@ impl Input {
             ..LogOptions::default()
         };
         let antennas = observation_files(loaded, &options);
-        let streams = Streams::open(antennas, station_files(loaded, &options))?;
+        let streams = Streams::open(antennas, station_files(loaded, &options), loaded.window)?;
         // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);

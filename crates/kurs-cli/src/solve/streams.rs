@@ -2,7 +2,7 @@
 //! any antenna has.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use kurs::ephemeris::{AsReceived, NavigationData};
@@ -11,6 +11,8 @@ use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
+
+use crate::window::Window;
 
 /// Files are read without a clock: whoever is missing is waited for.
 const NO_CLOCK_S: f64 = 0.0;
@@ -28,6 +30,7 @@ struct Stream {
     name: String,
     reader: SessionReader,
     next: Option<AntennaEpoch>,
+    window: Window,
     /// First and last epoch so far.
     span: Option<(GpsTime, GpsTime)>,
 }
@@ -40,26 +43,39 @@ pub(crate) struct Streams {
     received: AsReceived,
     /// A fixed station; its epochs alone make no row.
     station: Option<Stream>,
+    /// Size of all files; 0 if one of them has none, as a pipe.
+    bytes: u64,
 }
 
 impl Streams {
     /// Opens the files of every antenna, and of the station if there is one, and reads their first
-    /// epochs.
+    /// epochs inside the window.
     pub(crate) fn open(
         antennas: Vec<AntennaFiles>,
         station: Option<AntennaFiles>,
+        window: Window,
     ) -> anyhow::Result<Self> {
+        let files = antennas.iter().chain(&station).flat_map(|antenna| &antenna.files);
+        let sizes: Option<Vec<u64>> = files.map(|file| size(file)).collect();
+        let bytes = sizes.map_or(0, |sizes| sizes.iter().sum());
         let open = |AntennaFiles { name, files, options }: AntennaFiles| {
             let context = || format!("antenna {name}");
             let reader = SessionReader::open_with(&files, options).with_context(context)?;
-            let mut stream = Stream { name, reader, next: None, span: None };
+            let mut stream = Stream { name, reader, next: None, window, span: None };
             stream.next = stream.read(AntennaEpoch::default())?;
             Ok(stream)
         };
         let streams = antennas.into_iter().map(open).collect::<anyhow::Result<Vec<_>>>()?;
         let station = station.map(open).transpose()?;
         let (matcher, received) = (Matcher::new(streams.len()), AsReceived::new(streams.len()));
-        Ok(Self { streams, matcher, received, station })
+        Ok(Self { streams, matcher, received, station, bytes })
+    }
+
+    /// How much of all files is read, 0 to 1; `None` where their size is unknown.
+    pub(crate) fn share(&self) -> Option<f64> {
+        let read: u64 =
+            self.streams.iter().chain(&self.station).map(|s| s.reader.bytes_read()).sum();
+        (self.bytes > 0).then(|| (read as f64 / self.bytes as f64).min(1.0))
     }
 
     /// Shortest time between two epochs of one antenna so far, s; `None` before there were two.
@@ -155,15 +171,26 @@ impl Stream {
     /// Reads the next epoch into `buffer`; `None` at the end.
     fn read(&mut self, mut buffer: AntennaEpoch) -> anyhow::Result<Option<AntennaEpoch>> {
         let context = || format!("antenna {}", self.name);
-        if !self.reader.next_epoch(&mut buffer).with_context(context)? {
-            return Ok(None);
+        loop {
+            if !self.reader.next_epoch(&mut buffer).with_context(context)?
+                || self.window.is_after(buffer.time)
+            {
+                return Ok(None);
+            }
+            if self.window.contains(buffer.time) {
+                self.span = Some((self.span.map_or(buffer.time, |(first, _)| first), buffer.time));
+                return Ok(Some(buffer));
+            }
         }
-        self.span = Some((self.span.map_or(buffer.time, |(first, _)| first), buffer.time));
-        Ok(Some(buffer))
     }
 }
 
 /// The buffer of an antenna in an epoch that is done with.
 fn reclaim(epoch: &mut ArrayEpoch, antenna: usize) -> AntennaEpoch {
     epoch.antennas.get_mut(antenna).and_then(Option::take).unwrap_or_default()
+}
+
+/// Bytes of a file; `None` for what is none.
+fn size(file: &Path) -> Option<u64> {
+    std::fs::metadata(file).ok().filter(std::fs::Metadata::is_file).map(|data| data.len())
 }

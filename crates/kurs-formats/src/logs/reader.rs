@@ -210,6 +210,12 @@ impl LogReader {
     pub fn name(&self) -> &str {
         self.epochs.raw.source.name()
     }
+
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.epochs.raw.source.bytes_read()
+    }
 }
 
 /// Where an RTCM 3 log begins: by the key, its own ephemerides, other files, its name. Disagreements

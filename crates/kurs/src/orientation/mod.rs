@@ -7,6 +7,7 @@
 
 pub mod consistency;
 pub mod geometry;
+pub mod lengths;
 pub mod survey;
 
 use nalgebra::{Matrix3, Vector3};
@@ -22,6 +23,7 @@ use crate::solution::{
 };
 use crate::time::GpsTime;
 use consistency::{Fit, FitKind, NoFit};
+use lengths::Length;
 
 /// Epochs from which the factor on the standard deviations is found.
 const MAX_EPOCHS_FOR_FACTOR: usize = 5000;
@@ -35,6 +37,9 @@ pub struct AntennaFix {
     pub position_m: Vector<Ecef>,
     /// Standard deviations north, east, down, m.
     pub sd_ned_m: [f64; 3],
+    /// Why the receiver's own solution is less than one with integers; `None` if it is one, or nothing
+    /// is said.
+    pub doubt: Option<Reason>,
 }
 
 /// Coordinates of one time.
@@ -68,6 +73,8 @@ pub struct Settings {
     pub method: Method,
     /// What the body cannot exceed in pitch or roll.
     pub max_tilt_rad: f64,
+    /// An angle with a larger standard deviation is left out, and its row is not fixed.
+    pub max_angle_sd_rad: f64,
     /// Points of the body that are wanted in the outside frame.
     pub points_m: Vec<Vector<Body>>,
 }
@@ -91,6 +98,7 @@ struct LocalPoint {
     antenna: usize,
     point: MeasuredPoint,
     covariance_m2: Matrix3<f64>,
+    doubt: Option<Reason>,
 }
 
 impl Orienter {
@@ -115,6 +123,14 @@ impl Orienter {
         let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
         let points = local.map(|local| local.points.iter().map(|p| p.point).collect());
         Some(consistency::variance_factor(points)?.sqrt())
+    }
+
+    /// The lengths between the antennas as measured and as known, of every pair that is there together.
+    #[must_use]
+    pub fn lengths(&self, epochs: &[PositionEpoch]) -> Vec<Length> {
+        let step = epochs.len().div_ceil(MAX_EPOCHS_FOR_FACTOR).max(1);
+        let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
+        lengths::of(local.map(|local| local.points.iter().map(|p| (p.antenna, p.point)).collect()))
     }
 
     /// The row of one epoch.
@@ -159,7 +175,12 @@ impl Orienter {
                 measured_m: (ned_from_ecef * (fix.position_m - first.position_m)).xyz(),
                 information: Matrix3::from_diagonal(&variances.map(|v| 1.0 / (v + array_variance))),
             };
-            LocalPoint { antenna, point, covariance_m2: Matrix3::from_diagonal(&variances) }
+            LocalPoint {
+                antenna,
+                point,
+                covariance_m2: Matrix3::from_diagonal(&variances),
+                doubt: fix.doubt,
+            }
         });
         Some(LocalEpoch { anchor, anchor_m: first.position_m, points: points.collect() })
     }
@@ -169,12 +190,14 @@ impl Orienter {
         let used = |index: usize| fit.excluded != Some(index);
         row.antennas = local.points.len() - usize::from(fit.excluded.is_some());
         row.residual_rms_m = Some(fit.residual_rms_m);
-        (row.status, row.reason) = (Status::Fixed, None);
-        row.baselines =
-            baselines(
-                local,
-                |index| if used(index) { Status::Fixed } else { Status::Inconsistent },
-            );
+        let mut used_points = local.points.iter().enumerate().filter(|(index, _)| used(*index));
+        row.reason = used_points.find_map(|(_, point)| point.doubt);
+        row.status = if row.reason.is_none() { Status::Fixed } else { Status::Float };
+        row.baselines = baselines(local, |index| match (used(index), local.points[index].doubt) {
+            (false, _) => Status::Inconsistent,
+            (true, None) => Status::Fixed,
+            (true, Some(_)) => Status::Float,
+        });
 
         let attitude = match (&fit.kind, self.settings.method) {
             (FitKind::Line { axis, direction }, _) => {
@@ -205,7 +228,11 @@ impl Orienter {
         if tilt.into_iter().flatten().any(|angle| angle.abs() > self.settings.max_tilt_rad) {
             return refuse(row, Reason::Tilt);
         }
-        row.attitude = Some(attitude);
+        let surer = surer_than(attitude, self.settings.max_angle_sd_rad);
+        if surer != attitude && row.status == Status::Fixed {
+            (row.status, row.reason) = (Status::Float, Some(Reason::WeakModel));
+        }
+        row.attitude = Some(surer);
         if let (FitKind::Body { minimum, normal }, Some(rotation)) =
             (&fit.kind, attitude.ned_from_body)
         {
@@ -230,6 +257,20 @@ impl Orienter {
                 .collect();
         }
     }
+}
+
+/// The attitude without the angles that are less certain.
+fn surer_than(mut attitude: AttitudeEstimate, sd_rad: f64) -> AttitudeEstimate {
+    let angles =
+        [&mut attitude.heading_rad, &mut attitude.pitch_rad, &mut attitude.roll_rad].into_iter();
+    let mut all = true;
+    for (place, angle) in angles.enumerate() {
+        let is_sure = attitude.covariance_rad2[(place, place)] <= sd_rad * sd_rad;
+        *angle = angle.filter(|_| is_sure);
+        all &= is_sure;
+    }
+    attitude.ned_from_body = attitude.ned_from_body.filter(|_| all);
+    attitude
 }
 
 fn refuse(row: &mut EpochSolution, reason: Reason) {
