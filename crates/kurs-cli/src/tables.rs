@@ -1,6 +1,7 @@
 //! The tables `attitude`, `baselines` and `points`: their columns, in the order that users' scripts
 //! rely on, for every command that writes them.
 
+use std::io::Write;
 use std::path::Path;
 
 use kurs::signal::SPEED_OF_LIGHT_MPS;
@@ -10,7 +11,7 @@ use nalgebra::Matrix3;
 
 use crate::table::{Table, TableFormat};
 
-const ATTITUDE: &[&str] = &[
+pub(crate) const ATTITUDE: &[&str] = &[
     "time_gpst",
     "gps_week",
     "tow_s",
@@ -137,6 +138,33 @@ impl Tables {
         Ok(self)
     }
 
+    /// Goes on with the tables in `directory`.
+    pub(crate) fn append(
+        directory: &Path,
+        antennas: Vec<String>,
+        points: Vec<String>,
+        with_antennas: bool,
+    ) -> anyhow::Result<Self> {
+        let table = |stem, columns| Table::append(directory, stem, columns);
+        let optional = |is_wanted: bool, stem| is_wanted.then(|| table(stem, POINTS)).transpose();
+        Ok(Self {
+            attitude_table: table("attitude", ATTITUDE)?,
+            baseline_table: table("baselines", BASELINES)?,
+            point_table: optional(!points.is_empty(), "points")?,
+            antenna_table: optional(with_antennas, "antennas")?,
+            antennas,
+            points,
+        })
+    }
+
+    /// Hands all rows on to the system.
+    pub(crate) fn flush(&mut self) -> anyhow::Result<()> {
+        self.attitude_table.flush()?;
+        self.baseline_table.flush()?;
+        self.point_table.as_mut().map_or(Ok(()), Table::flush)?;
+        self.antenna_table.as_mut().map_or(Ok(()), Table::flush)
+    }
+
     /// Writes the rows of one epoch.
     pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
         let time = TimeColumns::new(row.time);
@@ -187,7 +215,7 @@ impl Tables {
 
 /// Coordinates of points or antennas, named by their index.
 fn write_places(
-    t: &mut Table,
+    t: &mut Table<impl Write>,
     time: &TimeColumns,
     places: &[PointEstimate],
     names: &[String],
@@ -208,7 +236,7 @@ fn write_places(
 
 /// Writes the row of one epoch.
 pub(crate) fn write_attitude(
-    t: &mut Table,
+    t: &mut Table<impl Write>,
     time: &TimeColumns,
     row: &EpochSolution,
 ) -> anyhow::Result<()> {
@@ -250,7 +278,7 @@ impl TimeColumns {
         Self { gpst, week: time.week(), tow_s: time.tow_s(), digits }
     }
 
-    pub(crate) fn write(&self, t: &mut Table) {
+    pub(crate) fn write(&self, t: &mut Table<impl Write>) {
         t.text(&self.gpst);
         t.integer(self.week);
         t.real(Some(self.tow_s), self.digits);
@@ -258,7 +286,7 @@ impl TimeColumns {
 }
 
 /// `heading_deg` to `cov_pr_deg2`
-fn attitude_columns(t: &mut Table, attitude: Option<&AttitudeEstimate>) {
+fn attitude_columns(t: &mut Table<impl Write>, attitude: Option<&AttitudeEstimate>) {
     let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
     for angle in angles {
         t.real(angle.map(f64::to_degrees), 5);
@@ -274,7 +302,7 @@ fn attitude_columns(t: &mut Table, attitude: Option<&AttitudeEstimate>) {
 }
 
 /// `latitude_deg` to `clock_bias_m`
-fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
+fn position_columns(t: &mut Table<impl Write>, position: Option<&PositionEstimate>) {
     t.real(position.map(|p| p.geodetic.latitude_rad.to_degrees()), 10);
     t.real(position.map(|p| p.geodetic.longitude_rad.to_degrees()), 10);
     t.real(position.map(|p| p.geodetic.height_m), 4);
@@ -286,7 +314,11 @@ fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
     t.real(position.and_then(|p| p.clock_m), 4);
 }
 
-fn standard_deviations(t: &mut Table, covariance: Option<&Matrix3<f64>>, decimals: usize) {
+fn standard_deviations(
+    t: &mut Table<impl Write>,
+    covariance: Option<&Matrix3<f64>>,
+    decimals: usize,
+) {
     for i in 0..3 {
         t.real(covariance.map(|c| c[(i, i)].sqrt()), decimals);
     }

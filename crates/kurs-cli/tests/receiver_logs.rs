@@ -279,6 +279,7 @@ fn as_received_an_ephemeris_counts_from_the_epoch_that_follows_it() {
     assert!(as_received[..30].iter().all(|status| status == "lost"), "{as_received:?}");
     assert_eq!(as_received[30], "fixed");
     assert!(as_received[30..].iter().filter(|status| *status == "fixed").count() > 25);
+}
 
 /// Every hour of a week, the edges of its days, a leap second: whenever a log begins, it has all
 /// ephemerides that its receiver has, and they say where the satellites are.

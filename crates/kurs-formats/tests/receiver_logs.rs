@@ -698,10 +698,8 @@ fn ephemerides_tell_that_the_week_is_wrong() {
     let bytes = [without.finish(), with.finish()].concat();
     let year_s = 52.0 * 604_800.0;
     for (off_s, given) in [(year_s, 4), (0.0, 9)] {
-        let options = LogOptions {
-            approximate_time: Some(epochs[0].time + off_s),
-            ..LogOptions::default()
-        };
+        let options =
+            LogOptions { approximate_time: Some(epochs[0].time + off_s), ..LogOptions::default() };
         let source = Source::new(std::io::Cursor::new(bytes.clone()), "stream").unwrap();
         let mut reader = LogReader::of_stream(source, &options).unwrap();
         let mut epoch = AntennaEpoch::default();

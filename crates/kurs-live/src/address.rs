@@ -257,7 +257,8 @@ mod tests {
         let log = Address::File { path: "a.ubx".into(), speed: 0.0 };
         assert_eq!(read("file://a.ubx?speed=0"), log);
         assert!(log.is_unpaced_file() && !read("file://a.ubx").is_unpaced_file());
-        let moved = read("file://a.ubx?speed=2").with_path(|path| PathBuf::from("/logs").join(path));
+        let moved =
+            read("file://a.ubx?speed=2").with_path(|path| PathBuf::from("/logs").join(path));
         assert_eq!(moved, Address::File { path: "/logs/a.ubx".into(), speed: 2.0 });
     }
 

@@ -90,6 +90,8 @@ pub(crate) struct Decoding {
     pub(crate) options: LogOptions,
     pub(crate) permits: Arc<Permits>,
     pub(crate) status: Arc<StreamStatus>,
+    /// Where the next decoder finds the date that ephemerides told.
+    pub(crate) told_date: Arc<Mutex<Option<GpsTime>>>,
     /// Of a log without time marks: the pace and the speed.
     pub(crate) pace: Option<(Arc<Pace>, f64)>,
 }
@@ -101,7 +103,8 @@ pub(crate) fn decode(
     mut give: impl FnMut(Decoded) -> bool,
 ) {
     let arrivals = Arrivals::default();
-    let reader = ChunkReader { chunks, current: Arc::from([]), at: 0, read: 0, arrivals: arrivals.clone() };
+    let reader =
+        ChunkReader { chunks, current: Arc::from([]), at: 0, read: 0, arrivals: arrivals.clone() };
     let result = Source::new(reader, decoding.name.clone())
         .and_then(|source| LogReader::of_stream(source, &decoding.options));
     let mut reader = match result {
@@ -126,7 +129,12 @@ pub(crate) fn decode(
         match more {
             Ok(true) => {}
             Ok(false) => return,
-            Err(error) => return decoding.status.note_error(&error.to_string()),
+            Err(error) => {
+                if let Some(date) = reader.told_date() {
+                    *decoding.told_date.lock().unwrap_or_else(PoisonError::into_inner) = Some(date);
+                }
+                return decoding.status.note_error(&error.to_string());
+            }
         }
         if let Some((pace, speed)) = &decoding.pace {
             pace.wait(epoch.time, *speed);

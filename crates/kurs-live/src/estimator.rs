@@ -17,7 +17,7 @@ use tokio::sync::watch;
 use crate::decoder::{Arrival, Decoded, Permits};
 use crate::input::{Event, STATION};
 use crate::output::{Message, Sink};
-use crate::service::{Gga, Times};
+use crate::service::{Finish, Gga, Times};
 use crate::state::StateFiles;
 use crate::status::{Status, StreamStatus};
 
@@ -32,6 +32,7 @@ const SAVE_INTERVAL: Duration = Duration::from_secs(60);
 /// See the module.
 pub(crate) struct Estimator {
     pub(crate) engine: Engine,
+    pub(crate) finish: Finish,
     pub(crate) matcher: Matcher,
     pub(crate) received: AsReceived,
     pub(crate) antennas: Vec<Antenna>,
@@ -134,7 +135,8 @@ impl Estimator {
             self.engine.insert(&news);
             self.navigation.update(&news);
         }
-        let row = self.engine.push(&epoch);
+        let mut row = self.engine.push(&epoch);
+        (self.finish)(&epoch, &mut row);
         let times = self.times(&epoch);
         self.send(row, times);
     }
@@ -156,7 +158,11 @@ impl Estimator {
         Times {
             first_byte: arrivals.iter().map(|a| a.first_byte).min().unwrap_or(now.first_byte),
             last_byte: arrivals.iter().map(|a| a.last_byte).max().unwrap_or(now.last_byte),
-            last_byte_utc: arrivals.iter().map(|a| a.last_byte_utc).max().unwrap_or(now.last_byte_utc),
+            last_byte_utc: arrivals
+                .iter()
+                .map(|a| a.last_byte_utc)
+                .max()
+                .unwrap_or(now.last_byte_utc),
             row_out: Instant::now(),
             row_out_utc: SystemTime::now(),
         }

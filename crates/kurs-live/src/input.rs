@@ -1,7 +1,7 @@
 //! One stream: connect, pass the bytes on, and when the connection breaks make it again, for ever.
 
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use kurs::time::GpsTime;
@@ -43,9 +43,14 @@ pub const STATION: usize = usize::MAX;
 /// What an input tells the engine.
 #[derive(Debug)]
 pub(crate) enum Event {
-    Epoch { antenna: usize, decoded: Box<Decoded> },
+    Epoch {
+        antenna: usize,
+        decoded: Box<Decoded>,
+    },
     /// The connection of this antenna has ended.
-    Left { antenna: usize },
+    Left {
+        antenna: usize,
+    },
     /// A stream has come to its end and will not come again.
     InputEnded,
     Reload(Box<crate::service::NewEngine>),
@@ -74,6 +79,8 @@ pub(crate) struct Running {
     shared: Shared,
     recorder: Option<Recorder>,
     ntrip_version: u8,
+    /// The date that ephemerides of an earlier connection told, against the one in force.
+    told_date: Arc<Mutex<Option<GpsTime>>>,
 }
 
 /// How a connection ended.
@@ -97,7 +104,15 @@ impl Running {
         let is_file = matches!(input.address, Address::File { .. });
         let recorder = shared.log_dir.as_ref().filter(|_| !is_file);
         let recorder = recorder.map(|directory| Recorder::new(directory, name));
-        Self { input, statuses, permits, shared, recorder, ntrip_version: 2 }
+        Self {
+            input,
+            statuses,
+            permits,
+            shared,
+            recorder,
+            ntrip_version: 2,
+            told_date: Arc::default(),
+        }
     }
 
     /// Runs until the stream has ended for good.
@@ -241,7 +256,11 @@ impl Running {
         let wants_gga = matches!(self.input.address, Address::Ntrip(_));
         loop {
             let silence = async {
-                if waits { tokio::time::sleep(DATA_TIMEOUT).await } else { core::future::pending().await }
+                if waits {
+                    tokio::time::sleep(DATA_TIMEOUT).await
+                } else {
+                    core::future::pending().await
+                }
             };
             let accepted = async {
                 match listener {
@@ -300,7 +319,8 @@ impl Running {
             }
             _ => None,
         };
-        let known_time = *self.shared.known_time.borrow();
+        let told = *self.told_date.lock().unwrap_or_else(PoisonError::into_inner);
+        let known_time = told.or(*self.shared.known_time.borrow());
         let parts = self.input.antennas.iter().zip(&self.statuses).zip(&self.permits);
         parts
             .map(|(((antenna, name, options), status), permits)| {
@@ -312,6 +332,7 @@ impl Running {
                     options: LogOptions { approximate_time: Some(near), ..*options },
                     permits: Arc::clone(permits),
                     status: Arc::clone(status),
+                    told_date: Arc::clone(&self.told_date),
                     pace: pace.clone(),
                 };
                 let (antenna, events) = (*antenna, self.shared.events.clone());

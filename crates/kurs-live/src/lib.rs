@@ -33,7 +33,6 @@ mod systemd;
 pub use address::{Address, BadAddress, Ntrip};
 pub use input::{Input, STATION};
 pub use output::{Encode, Output};
-pub use service::{
-    Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run,
-};
+pub use record::gps_time;
+pub use service::{Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run};
 pub use state::{Remembered, newest_reference_time, remembered};

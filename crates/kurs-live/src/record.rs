@@ -32,7 +32,11 @@ impl Recorder {
     /// A log of the stream `name`; a new pair of files begins with every start and every UTC day.
     pub(crate) fn new(directory: &Path, name: &str) -> Self {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        Self { directory: directory.to_owned(), stem: name.chars().map(plain).collect(), open: None }
+        Self {
+            directory: directory.to_owned(),
+            stem: name.chars().map(plain).collect(),
+            open: None,
+        }
     }
 
     /// Writes a piece.
@@ -68,7 +72,8 @@ pub(crate) fn calendar(utc: SystemTime) -> Calendar {
 }
 
 /// GPS time by the system's clock.
-pub(crate) fn gps_time(utc: SystemTime) -> GpsTime {
+#[must_use]
+pub fn gps_time(utc: SystemTime) -> GpsTime {
     GpsTime::from_utc(calendar(utc)).unwrap_or_default()
 }
 

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use kurs::engine::Engine;
 use kurs::ephemeris::{AsReceived, NavigationData};
+use kurs::observation::ArrayEpoch;
 use kurs::observation::matcher::{Deadline, Matcher};
 use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
@@ -50,6 +51,8 @@ pub struct Times {
 
 /// Makes an engine that knows these navigation data; the error is for the log.
 pub type MakeEngine = Box<dyn Fn(NavigationData) -> Result<Engine, String> + Send>;
+/// What is done to a row behind the engine.
+pub type Finish = Box<dyn FnMut(&ArrayEpoch, &mut EpochSolution) + Send>;
 /// Writes a row to the files; the error is for the log.
 pub type WriteRow = Box<dyn FnMut(&EpochSolution) -> Result<(), String> + Send>;
 /// The position of a row as a GGA sentence, for casters.
@@ -65,6 +68,8 @@ pub struct Setup {
     pub navigation: NavigationData,
     /// Makes the engine.
     pub make_engine: MakeEngine,
+    /// Behind the engine.
+    pub finish: Finish,
     /// When a row goes without late antennas.
     pub deadline: Deadline,
     /// Time that is known before anything came.
@@ -244,6 +249,7 @@ async fn serve(
     let heartbeat = Arc::new(AtomicU64::new(0));
     let estimator = Estimator {
         engine: (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?,
+        finish: setup.finish,
         matcher: matcher(&setup.inputs, setup.antennas, setup.deadline),
         received: AsReceived::new(setup.antennas),
         antennas: antennas(&inputs),

@@ -19,7 +19,8 @@ const BITS_A_BYTE: f64 = 10.0;
 
 /// Upper bounds of the latency classes, ms.
 const BOUNDS_MS: [f64; 16] = [
-    0.5, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 50.0, 100.0, 200.0, 300.0, 1000.0, 10_000.0,
+    0.5, 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 50.0, 100.0, 200.0, 300.0, 1000.0,
+    10_000.0,
 ];
 
 /// Counts of latencies by class.
@@ -247,12 +248,37 @@ impl Status {
             let _ = writeln!(text, "kurs_rows_total{{status=\"{}\"}} {count}", status.word());
         }
         let single: [(&str, &str, &str, f64); 6] = [
-            ("kurs_satellites", "gauge", "Satellites of the last row.", self.satellites.load(Relaxed) as f64),
+            (
+                "kurs_satellites",
+                "gauge",
+                "Satellites of the last row.",
+                self.satellites.load(Relaxed) as f64,
+            ),
             ("kurs_row_age_seconds", "gauge", "Time since the last row.", self.row_age_s()),
-            ("kurs_clients", "gauge", "Connected clients of the outputs.", self.clients.load(Relaxed) as f64),
-            ("kurs_clients_dropped_total", "counter", "Clients that did not read.", self.clients_dropped.load(Relaxed) as f64),
-            ("kurs_messages_expired_total", "counter", "Messages older than 300 ms, not sent.", self.expired.load(Relaxed) as f64),
-            ("kurs_rows_unwritten_total", "counter", "Rows that the files could not take.", self.unwritten.load(Relaxed) as f64),
+            (
+                "kurs_clients",
+                "gauge",
+                "Connected clients of the outputs.",
+                self.clients.load(Relaxed) as f64,
+            ),
+            (
+                "kurs_clients_dropped_total",
+                "counter",
+                "Clients that did not read.",
+                self.clients_dropped.load(Relaxed) as f64,
+            ),
+            (
+                "kurs_messages_expired_total",
+                "counter",
+                "Messages older than 300 ms, not sent.",
+                self.expired.load(Relaxed) as f64,
+            ),
+            (
+                "kurs_rows_unwritten_total",
+                "counter",
+                "Rows that the files could not take.",
+                self.unwritten.load(Relaxed) as f64,
+            ),
         ];
         for (name, kind, help, value) in single {
             head(&mut text, name, kind, help);
@@ -261,20 +287,46 @@ impl Status {
         let streams = self.streams();
         type Value = fn(&StreamStatus) -> f64;
         let of_streams: [(&str, &str, &str, Value); 10] = [
-            ("kurs_stream_up", "gauge", "1: epochs come as they should.", |s| f64::from(u8::from(s.trouble().is_none()))),
-            ("kurs_stream_bytes_total", "counter", "Bytes received.", |s| s.bytes.load(Relaxed) as f64),
-            ("kurs_stream_epochs_total", "counter", "Epochs decoded.", |s| s.epochs.load(Relaxed) as f64),
-            ("kurs_stream_late_total", "counter", "Epochs that missed the deadline.", |s| s.late.load(Relaxed) as f64),
-            ("kurs_stream_strays_total", "counter", "Epochs far from the time of the others.", |s| s.strays.load(Relaxed) as f64),
-            ("kurs_stream_damaged_total", "counter", "Pieces that could not be decoded.", |s| s.damaged.load(Relaxed) as f64),
-            ("kurs_stream_errors_total", "counter", "Connections that failed or broke.", |s| s.errors.load(Relaxed) as f64),
-            ("kurs_stream_connections_total", "counter", "Connections made.", |s| s.connections.load(Relaxed) as f64),
-            ("kurs_stream_interval_seconds", "gauge", "Shortest time between two epochs.", |s| s.interval_ns.load(Relaxed) as f64 * 1e-9),
-            ("kurs_stream_line_load", "gauge", "Share of a serial line that is in use, mean since the start.", |s| {
-                let bits = s.bytes.load(Relaxed) as f64 * BITS_A_BYTE;
-                let carried = s.baud as f64 * s.began.elapsed().as_secs_f64();
-                if carried > 0.0 { bits / carried } else { 0.0 }
+            ("kurs_stream_up", "gauge", "1: epochs come as they should.", |s| {
+                f64::from(u8::from(s.trouble().is_none()))
             }),
+            ("kurs_stream_bytes_total", "counter", "Bytes received.", |s| {
+                s.bytes.load(Relaxed) as f64
+            }),
+            ("kurs_stream_epochs_total", "counter", "Epochs decoded.", |s| {
+                s.epochs.load(Relaxed) as f64
+            }),
+            ("kurs_stream_late_total", "counter", "Epochs that missed the deadline.", |s| {
+                s.late.load(Relaxed) as f64
+            }),
+            (
+                "kurs_stream_strays_total",
+                "counter",
+                "Epochs far from the time of the others.",
+                |s| s.strays.load(Relaxed) as f64,
+            ),
+            ("kurs_stream_damaged_total", "counter", "Pieces that could not be decoded.", |s| {
+                s.damaged.load(Relaxed) as f64
+            }),
+            ("kurs_stream_errors_total", "counter", "Connections that failed or broke.", |s| {
+                s.errors.load(Relaxed) as f64
+            }),
+            ("kurs_stream_connections_total", "counter", "Connections made.", |s| {
+                s.connections.load(Relaxed) as f64
+            }),
+            ("kurs_stream_interval_seconds", "gauge", "Shortest time between two epochs.", |s| {
+                s.interval_ns.load(Relaxed) as f64 * 1e-9
+            }),
+            (
+                "kurs_stream_line_load",
+                "gauge",
+                "Share of a serial line that is in use, mean since the start.",
+                |s| {
+                    let bits = s.bytes.load(Relaxed) as f64 * BITS_A_BYTE;
+                    let carried = s.baud as f64 * s.began.elapsed().as_secs_f64();
+                    if carried > 0.0 { bits / carried } else { 0.0 }
+                },
+            ),
         ];
         for (name, kind, help, value) in of_streams {
             head(&mut text, name, kind, help);

@@ -4,9 +4,9 @@ pub(crate) mod config;
 mod explain;
 pub(crate) mod found_files;
 pub(crate) mod input;
-mod nmea;
+pub(crate) mod nmea;
 mod origins;
-mod phase_centers;
+pub(crate) mod phase_centers;
 mod pos;
 mod review;
 pub(crate) mod session_args;
@@ -231,7 +231,7 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
 }
 
 /// An epoch whose antennas are one recording: its baselines are zero, which no array has.
-fn refuse_zero_baseline(row: &mut EpochSolution) {
+pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
     (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
     row.attitude = None;
     row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);

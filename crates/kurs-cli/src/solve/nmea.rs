@@ -33,7 +33,7 @@ impl NmeaLog {
 }
 
 /// All sentences of an epoch; an angle that is not known or not fixed leaves its field empty.
-fn sentences(row: &EpochSolution) -> String {
+pub(crate) fn sentences(row: &EpochSolution) -> String {
     let utc = row.time_utc.unwrap_or_else(|| row.time.utc());
     let fixed = row.attitude.filter(|_| row.status == Status::Fixed);
     let degrees = |angle: Option<f64>| angle.map(f64::to_degrees);

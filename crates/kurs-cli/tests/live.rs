@@ -1,0 +1,346 @@
+//! `kurs live` on simulated logs: its rows are those of `kurs solve`, whatever way the bytes take.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Two antennas at rest, twenty seconds across midnight of GPST, 5 Hz.
+const SCENARIO: &str = r#"
+seed = 5
+start = "2024-03-09T23:59:50"
+duration_s = 20.0
+interval_s = 0.2
+signals = ["G1C", "G2L", "E1C", "E5Q", "C2I"]
+
+[output]
+formats = ["ubx", "rtcm3", "sbf"]
+
+[sky]
+systems = ["G", "E", "C"]
+
+[[body]]
+name = "roof"
+motion = { kind = "static", place = { latitude_deg = 52.0, longitude_deg = 13.0, height_m = 100.0 }, heading_deg = 40.0, pitch_deg = 3.0 }
+[[body.antenna]]
+name = "A0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "A1"
+position_m = [1.2, 0.0, 0.0]
+"#;
+
+const EPOCHS: usize = 101;
+
+fn kurs() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_kurs"))
+}
+
+/// The simulated logs, made once.
+fn logs() -> &'static Path {
+    static LOGS: OnceLock<tempfile::TempDir> = OnceLock::new();
+    LOGS.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = folder.path().join("scenario.toml");
+        fs::write(&scenario, SCENARIO).unwrap();
+        let mut run = kurs();
+        run.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+        assert!(run.status().unwrap().success());
+        folder
+    })
+    .path()
+}
+
+/// The configuration of both antennas, each with a line of its own.
+fn configuration(lines: [&str; 2], more: &str) -> String {
+    let antenna = |index: usize| {
+        let x = 1.2 * index as f64;
+        let line = lines[index];
+        format!("[[antenna]]\nname = \"A{index}\"\n{line}\nposition_m = [{x:.1}, 0.0, 0.0]\n")
+    };
+    // RTCM 3 has no week.
+    let nav = "[nav]\nas_received = true\napproximate_time = 2024-03-10\n";
+    format!("{}{}{nav}{more}", antenna(0), antenna(1))
+}
+
+/// What a run left: the attitude and the baselines, of all days.
+fn rows(out: &Path) -> [String; 2] {
+    ["attitude.csv", "baselines.csv"].map(|name| {
+        let mut days: Vec<PathBuf> =
+            fs::read_dir(out).unwrap().map(|e| e.unwrap().path()).collect();
+        days.sort();
+        let mut text = String::new();
+        for file in days.iter().filter(|day| day.is_dir()).map(|day| day.join(name)) {
+            let day = fs::read_to_string(file).unwrap();
+            let rows = if text.is_empty() { &day } else { day.split_once('\n').unwrap().1 };
+            text.push_str(rows);
+        }
+        text
+    })
+}
+
+/// The rows of `kurs solve` on logs of this format.
+fn solved(folder: &Path, format: &str, ambiguity: &str) -> [String; 2] {
+    let obs = |index: usize| {
+        format!("obs = [\"{}\"]", logs().join(format!("A{index}.{format}")).display())
+    };
+    let solve = format!("[solve]\nambiguity = \"{ambiguity}\"\n");
+    let file = folder.join("solve.toml");
+    fs::write(&file, configuration([&obs(0), &obs(1)], &solve)).unwrap();
+    let out = folder.join("solved");
+    let run = kurs().arg("solve").arg(&file).arg("--quiet").arg("--out").arg(&out).status();
+    assert!(run.unwrap().success());
+    ["attitude.csv", "baselines.csv"].map(|name| fs::read_to_string(out.join(name)).unwrap())
+}
+
+fn assert_same(live: &[String; 2], solved: &[String; 2], what: &str) {
+    for (live, solved) in live.iter().zip(solved) {
+        for (number, (live, solved)) in live.lines().zip(solved.lines()).enumerate() {
+            assert_eq!(live, solved, "{what}, line {number}");
+        }
+        assert_eq!(live.lines().count(), solved.lines().count(), "{what}");
+    }
+    let rows = solved[0].lines().skip(1);
+    assert_eq!(rows.clone().count(), EPOCHS);
+    let fixed = rows.filter(|row| row.contains(",fixed,")).count();
+    assert!(fixed > EPOCHS * 9 / 10, "{what}: {fixed} fixed");
+}
+
+/// A service that runs until it is dropped.
+struct Service {
+    child: Child,
+    out: PathBuf,
+}
+
+impl Service {
+    fn start(folder: &Path, configuration: &str, flags: &[&str]) -> Self {
+        let file = folder.join("live.toml");
+        fs::write(&file, configuration).unwrap();
+        let out = folder.join("live");
+        let mut command = kurs();
+        command.arg("live").arg(&file).args(flags).arg("--out").arg(&out);
+        let child = command.stdout(Stdio::null()).spawn().unwrap();
+        Self { child, out }
+    }
+
+    /// Waits for its end.
+    fn end(mut self, limit: Duration) -> (Option<i32>, PathBuf) {
+        let began = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return (status.code(), self.out.clone());
+            }
+            assert!(began.elapsed() < limit, "the service does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Waits until something is there.
+fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let began = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "{what} does not come");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A port that is free now.
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// Serves bytes to one client, in pieces of odd sizes with pauses of up to so many milliseconds.
+fn serve(bytes: Vec<u8>, pause_ms: u64) -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut rest = bytes.as_slice();
+        let mut state = u64::from(port);
+        while !rest.is_empty() {
+            // Knuth's multiplier: any sequence will do.
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let length = rest.len().min(1 + (state >> 33) as usize % 3000);
+            let (piece, behind) = rest.split_at(length);
+            if stream.write_all(piece).is_err() {
+                return;
+            }
+            rest = behind;
+            if pause_ms > 0 {
+                thread::sleep(Duration::from_millis((state >> 40) % pause_ms));
+            }
+        }
+    });
+    port
+}
+
+fn log(index: usize, format: &str) -> Vec<u8> {
+    fs::read(logs().join(format!("A{index}.{format}"))).unwrap()
+}
+
+#[test]
+fn a_log_as_fast_as_possible_gives_the_rows_of_solve() {
+    for format in ["ubx", "rtcm3", "sbf"] {
+        for ambiguity in ["instantaneous", "continuous"] {
+            let folder = tempfile::tempdir().unwrap();
+            let stream = |index: usize| {
+                let log = logs().join(format!("A{index}.{format}"));
+                format!("stream = \"file://{}?speed=0\"", log.display())
+            };
+            let solve = format!("[solve]\nambiguity = \"{ambiguity}\"\n");
+            let configuration = configuration([&stream(0), &stream(1)], &solve);
+            let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+            let (status, out) = service.end(Duration::from_secs(120));
+            assert_eq!(status, Some(0));
+            let what = format!("{format} {ambiguity}");
+            assert_same(&rows(&out), &solved(folder.path(), format, ambiguity), &what);
+            let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+            assert!(summary.contains(&format!("\"epochs\": {EPOCHS}")), "{summary}");
+        }
+    }
+}
+
+/// In pieces of any size, with delays between the antennas that the deadline allows.
+#[test]
+fn tcp_gives_the_rows_of_solve() {
+    for format in ["ubx", "rtcm3", "sbf"] {
+        let folder = tempfile::tempdir().unwrap();
+        let ports = [serve(log(0, format), 3), serve(log(1, format), 5)];
+        let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
+        let live = "[live]\ndeadline_ms = 20000\n";
+        let configuration = configuration([&stream(0), &stream(1)], live);
+        let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+        let (status, out) = service.end(Duration::from_secs(120));
+        assert_eq!(status, Some(0));
+        assert_same(&rows(&out), &solved(folder.path(), format, "instantaneous"), format);
+    }
+}
+
+/// The logs at the pace at which they were recorded, four times faster, with JSON lines and sentences
+/// to clients, metrics and health, and a clean stop.
+#[test]
+fn a_paced_log_is_a_service_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let stream = |index: usize| {
+        let log = logs().join(format!("A{index}.ubx"));
+        format!("stream = \"file://{}?speed=4\"", log.display())
+    };
+    let ports = [(); 4].map(|()| free_port());
+    let more = format!(
+        "[live]\nbody = \"roof\"\npage = \"127.0.0.1:{}\"\nstate_dir = \"{}\"\n\
+         [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"jsonl\"\n\
+         [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"marine\"\nrate_hz = 1\n\
+         [[output]]\nto = \"udp://:{}\"\nprofile = \"csv\"\n",
+        ports[0],
+        folder.path().join("state").display(),
+        ports[1],
+        ports[2],
+        ports[3],
+    );
+    let datagrams = std::net::UdpSocket::bind(("127.0.0.1", ports[3])).unwrap();
+    datagrams.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let configuration = configuration([&stream(0), &stream(1)], &more);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let connect =
+        |port: u16| wait_for("the output", || TcpStream::connect(("127.0.0.1", port)).ok());
+    let lines = BufReader::new(connect(ports[1])).lines();
+    let sentences = BufReader::new(connect(ports[2])).lines();
+
+    let mut fixed: Vec<serde_json::Value> = Vec::new();
+    let mut last = String::new();
+    for line in lines.take(60) {
+        let value: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        let time = value["measured_gpst"].as_str().unwrap().to_owned();
+        assert!(time > last, "{time} after {last}: one epoch, one message");
+        last = time;
+        if value["status"] == "fixed" {
+            fixed.push(value);
+        }
+    }
+    assert!(fixed.len() > 50, "{}", fixed.len());
+    for value in &fixed {
+        let heading_deg = value["heading_deg"].as_f64().unwrap();
+        assert!((heading_deg - 40.0).abs() < 2.0, "{value}");
+        assert_eq!(value["body"], "roof");
+    }
+    let groups = sentences.take(12).filter(|line| line.as_ref().unwrap().starts_with("$GPHDT"));
+    assert_eq!(groups.count(), 3, "HDT, THS, PASHR and GGA once a second of the log");
+    let mut datagram = [0; 2048];
+    let length = datagrams.recv(&mut datagram).unwrap();
+    assert!(std::str::from_utf8(&datagram[..length]).unwrap().starts_with("2024-03-"));
+
+    let metrics = get(ports[0], "/metrics").1;
+    for name in [
+        "kurs_rows_total{status=\"fixed\"}",
+        "kurs_stream_up{stream=\"A1\"} 1",
+        "kurs_latency_seconds_count",
+    ] {
+        assert!(metrics.contains(name), "{name}: {metrics}");
+    }
+    // The logs are over: that is no longer well.
+    let trouble = wait_for("the end of the logs", || {
+        let (status, body) = get(ports[0], "/healthz");
+        (status == 503 && body.contains("no row")).then_some(body)
+    });
+    assert!(trouble.contains("A0 has ended"), "{trouble}");
+
+    service.signal("-TERM");
+    let (status, out) = service.end(Duration::from_secs(10));
+    assert_eq!(status, Some(0));
+    assert_eq!(rows(&out)[0].lines().count(), EPOCHS + 1);
+    assert!(folder.path().join("state/ephemerides.rnx").exists());
+}
+
+/// Status and body of a page.
+fn get(port: u16, path: &str) -> (u16, String) {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: kurs\r\nConnection: close\r\n\r\n").unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    let status = text.split(' ').nth(1).unwrap().parse().unwrap();
+    (status, text.split_once("\r\n\r\n").unwrap().1.to_owned())
+}
+
+#[test]
+fn what_is_wrong_in_a_configuration_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = "stream = \"tcp://127.0.0.1:1\"";
+    for (lines, more, part) in [
+        ([good, "obs = [\"a.ubx\"]"], "", "A1: no `stream`"),
+        ([good, "stream = \"tcp://nowhere\""], "", "HOST:PORT"),
+        ([good, good], "[live]\ndeadline_ms = 0\n", "live.deadline_ms is 0"),
+        ([good, good], "[live]\npage = \"0.0.0.0:80\"\n", "loopback"),
+        ([good, good], "[live]\npages = 1\n", "`pages`"),
+        ([good, good], "[[output]]\nto = \"file://a\"\nprofile = \"csv\"\n", "tcp-listen://"),
+        ([good, good], "[[output]]\nto = \"udp://:1\"\nprofile = \"px5\"\n", "px5"),
+    ] {
+        let file = folder.path().join("live.toml");
+        fs::write(&file, configuration(lines, more)).unwrap();
+        let output =
+            kurs().arg("live").arg(&file).arg("--out").arg(folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(part), "{part}: {said}");
+    }
+}
