@@ -344,3 +344,289 @@ fn what_is_wrong_in_a_configuration_is_named() {
         assert!(said.contains(part), "{part}: {said}");
     }
 }
+
+/// A caster that answers like this and then sends these bytes; it gives back what it was asked.
+fn caster(answer: &'static str, body: Vec<u8>) -> (u16, thread::JoinHandle<String>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let serving = thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut request = String::new();
+        let mut reader = BufReader::new(stream.try_clone().unwrap());
+        while !request.ends_with("\r\n\r\n") {
+            assert!(reader.read_line(&mut request).unwrap() > 0, "{request}");
+        }
+        stream.write_all(answer.as_bytes()).unwrap();
+        let _ = stream.write_all(&body);
+        request
+    });
+    (port, serving)
+}
+
+/// The body of an answer in chunks, one of them a single byte.
+fn chunked(bytes: &[u8]) -> Vec<u8> {
+    let mut body = Vec::new();
+    for piece in [&bytes[..1], &bytes[1..5000], &bytes[5000..]] {
+        body.extend(format!("{:X};x=y\r\n", piece.len()).into_bytes());
+        body.extend(piece);
+        body.extend(b"\r\n");
+    }
+    body.extend(b"0\r\n\r\n");
+    body
+}
+
+#[test]
+fn casters_of_both_versions_give_the_rows_of_solve() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, asked_one) = caster("ICY 200 OK\r\n\r\n", log(0, "rtcm3"));
+    let two = "HTTP/1.1 200 OK\r\nNtrip-Version: Ntrip/2.0\r\nContent-Type: gnss/data\r\n\
+               Transfer-Encoding: chunked\r\n\r\n";
+    let (two, asked_two) = caster(two, chunked(&log(1, "rtcm3")));
+    let streams = [
+        format!("stream = \"ntrip://127.0.0.1:{one}/BOW\""),
+        format!("stream = \"ntrip://me%40home:secret@127.0.0.1:{two}/STERN\""),
+    ];
+    let live = "[live]\ndeadline_ms = 20000\n";
+    let configuration = configuration([&streams[0], &streams[1]], live);
+    let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(120));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &solved(folder.path(), "rtcm3", "instantaneous"), "ntrip");
+    assert!(asked_one.join().unwrap().starts_with("GET /BOW HTTP/1.1\r\n"));
+    let asked = asked_two.join().unwrap();
+    // me@home:secret
+    assert!(asked.contains("Authorization: Basic bWVAaG9tZTpzZWNyZXQ=\r\n"), "{asked}");
+}
+
+/// One refuses the password: it is not asked again, and the other antenna goes on.
+#[test]
+fn a_refused_password_is_final_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (port, _) = caster("HTTP/1.1 401 Unauthorized\r\n\r\n", Vec::new());
+    let streams = [
+        format!("stream = \"ntrip://me:secret@127.0.0.1:{port}/M\""),
+        format!("stream = \"tcp://127.0.0.1:{}\"", serve(log(1, "ubx"), 0)),
+    ];
+    let file = folder.path().join("live.toml");
+    fs::write(&file, configuration([&streams[0], &streams[1]], "")).unwrap();
+    let mut command = kurs();
+    command.arg("live").arg(&file).args(["--once", "--out"]).arg(folder.path().join("live"));
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("the caster refuses the password of me"), "{said}");
+    assert!(!said.contains("secret"), "{said}");
+    assert_eq!(rows(&folder.path().join("live"))[0].lines().count(), EPOCHS + 1);
+}
+
+/// Simulated receivers on ports of their own.
+struct Receivers {
+    child: Child,
+    port: u16,
+}
+
+impl Receivers {
+    fn start(folder: &Path, format: &str, interval_s: f64, speed: &str) -> Self {
+        let scenario = folder.join("scenario.toml");
+        let text = SCENARIO.replace("interval_s = 0.2", &format!("interval_s = {interval_s}"));
+        fs::write(&scenario, text.replace("duration_s = 20.0", "duration_s = 600.0")).unwrap();
+        // Two in a row are needed.
+        let port = (0..)
+            .map(|_| free_port())
+            .find(|port| *port < u16::MAX && TcpListener::bind(("127.0.0.1", port + 1)).is_ok());
+        let port = port.unwrap();
+        let mut command = kurs();
+        command.arg("simulate").arg(&scenario).args(["--quiet", "--stream", &port.to_string()]);
+        command.args(["--stream-format", format, "--speed", speed]);
+        Self { child: command.spawn().unwrap(), port }
+    }
+
+    fn streams(&self) -> [String; 2] {
+        [0, 1].map(|index| format!("stream = \"tcp://127.0.0.1:{}\"", self.port + index))
+    }
+}
+
+impl Drop for Receivers {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Time and status of every row in a file that is being written.
+fn statuses(out: &Path) -> Vec<(String, String)> {
+    let Ok(days) = fs::read_dir(out) else { return Vec::new() };
+    let mut days: Vec<PathBuf> = days.map(|e| e.unwrap().path().join("attitude.csv")).collect();
+    days.sort();
+    let text: String = days.iter().filter_map(|day| fs::read_to_string(day).ok()).collect();
+    let rows = text.lines().filter(|line| !line.starts_with("time_gpst"));
+    let fields = rows.map(|row| row.split(',').map(str::to_owned).collect::<Vec<_>>());
+    fields.map(|fields| (fields[0].clone(), fields[3].clone())).collect()
+}
+
+/// Killed in the midst of a row and started again: fixed again with the first epoch, in the same file,
+/// whose half row is gone.
+#[test]
+fn a_killed_service_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "4");
+    let state = folder.path().join("state");
+    let live = format!("[live]\nstate_dir = \"{}\"\n", state.display());
+    let streams = receivers.streams();
+    let configuration = configuration([&streams[0], &streams[1]], &live);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let out = service.out.clone();
+    wait_for("the first rows", || (statuses(&out).len() > 20).then_some(()));
+    service.signal("-TERM");
+    service.end(Duration::from_secs(10));
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let before = statuses(&out).len();
+    wait_for("more rows", || (statuses(&out).len() > before + 5).then_some(()));
+    service.signal("-KILL");
+    service.end(Duration::from_secs(10));
+
+    let day = fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).max().unwrap();
+    let file = day.join("attitude.csv");
+    let text = fs::read_to_string(&file).unwrap() + "2024-03-10T00:00:0";
+    fs::write(&file, text).unwrap();
+    let killed = statuses(&out).len() - 1;
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    wait_for("rows after the restart", || (statuses(&out).len() > killed + 10).then_some(()));
+    drop(service);
+    let all = statuses(&out);
+    assert!(all.windows(2).all(|pair| pair[0].0 < pair[1].0), "{all:?}");
+    // The first epoch may have come to one antenna only, before the other was connected.
+    let first: Vec<&str> = all[killed..].iter().map(|(_, status)| status.as_str()).collect();
+    assert!(first[..3].contains(&"fixed"), "{first:?}");
+    assert!(first[3..10].iter().all(|status| *status == "fixed"), "{first:?}");
+}
+
+/// The cable of one antenna is cut in mid-message and put back: rows go on without it, then with it,
+/// and nothing is wrong. Two hundred clients that never read disturb nobody.
+#[test]
+fn a_cut_cable_and_clients_that_do_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "sbf", 0.1, "1");
+    let cable = free_port();
+    let (cut, is_cut) = std::sync::mpsc::channel::<()>();
+    let to = receivers.port + 1;
+    let joint = thread::spawn(move || {
+        let listener = TcpListener::bind(("127.0.0.1", cable)).unwrap();
+        let mut from = TcpStream::connect(("127.0.0.1", to)).unwrap();
+        let mut buffer = [0; 100];
+        loop {
+            let (mut client, _) = listener.accept().unwrap();
+            // Noise on the line, then pieces of a hundred bytes.
+            let mut alive = client.write_all(&[0xb5, 0x62, 0xd3, 0x00, 0x24, 0x40, 0xff]).is_ok();
+            while alive && is_cut.try_recv().is_err() {
+                let Ok(count @ 1..) = from.read(&mut buffer) else { return };
+                alive = client.write_all(&buffer[..count]).is_ok();
+            }
+        }
+    });
+    let port = free_port();
+    let output = format!("[[output]]\nto = \"tcp-listen://:{port}\"\nprofile = \"jsonl\"\n");
+    let streams = [receivers.streams()[0].clone(), format!("stream = \"tcp://127.0.0.1:{cable}\"")];
+    let configuration = configuration([&streams[0], &streams[1]], &output);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let out = service.out.clone();
+    let connect = || TcpStream::connect(("127.0.0.1", port));
+    let reader = wait_for("the output", || connect().ok());
+    let clients: Vec<TcpStream> = (0..200).map(|_| connect().unwrap()).collect();
+    let fixed = |from: usize| {
+        let all = statuses(&out);
+        all.iter().skip(from).filter(|(_, status)| status == "fixed").count()
+    };
+    wait_for("fixed rows", || (fixed(0) > 10).then_some(()));
+    cut.send(()).unwrap();
+    let before = statuses(&out).len();
+    wait_for("fixed rows after the cut", || (fixed(before) > 10).then_some(()));
+    let all = statuses(&out);
+    assert!(all.iter().any(|(_, status)| status == "lost"), "nothing was cut: {all:?}");
+    assert!(all.windows(2).all(|pair| pair[0].0 < pair[1].0), "{all:?}");
+
+    // What a client that reads got in the meantime.
+    let mut count = 0;
+    for line in BufReader::new(reader).lines().take(20) {
+        let value: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        if let Some(heading_deg) = value["heading_deg"].as_f64() {
+            assert_eq!(value["status"], "fixed");
+            assert!((heading_deg - 40.0).abs() < 2.0, "{value}");
+        }
+        count += 1;
+    }
+    assert_eq!(count, 20);
+    drop((clients, service, receivers));
+    drop(joint);
+}
+
+/// SIGHUP with another stream for one antenna: the connection of the other one stays.
+#[test]
+fn a_reload_changes_only_what_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "1");
+    let page = free_port();
+    let [first, second] = receivers.streams();
+    let live = format!("[live]\npage = \"127.0.0.1:{page}\"\n");
+    let text = configuration([&first, &second], &live);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let out = service.out.clone();
+    wait_for("fixed rows", || statuses(&out).iter().any(|(_, s)| s == "fixed").then_some(()));
+    // The same receiver by another name.
+    let moved = second.replace("127.0.0.1", "localhost");
+    fs::write(folder.path().join("live.toml"), configuration([&first, &moved], &live)).unwrap();
+    service.signal("-HUP");
+    let count = |metrics: &str, stream: &str| -> u32 {
+        let name = format!("kurs_stream_connections_total{{stream=\"{stream}\"}} ");
+        let line = metrics.lines().find(|line| line.starts_with(&name)).unwrap();
+        line[name.len()..].parse().unwrap()
+    };
+    let metrics = wait_for("the second connection", || {
+        let metrics = get(page, "/metrics").1;
+        (count(&metrics, "A1") == 2).then_some(metrics)
+    });
+    assert_eq!(count(&metrics, "A0"), 1);
+    let before = statuses(&out).len();
+    wait_for("fixed rows after the reload", || {
+        statuses(&out)[before..].iter().any(|(_, s)| s == "fixed").then_some(())
+    });
+    // A configuration that is wrong changes nothing.
+    fs::write(folder.path().join("live.toml"), "nonsense = 1").unwrap();
+    service.signal("-HUP");
+    let before = statuses(&out).len();
+    wait_for("fixed rows after a wrong reload", || {
+        statuses(&out)[before..].iter().any(|(_, s)| s == "fixed").then_some(())
+    });
+}
+
+/// Raw logs have every byte, and give the same rows again.
+#[test]
+fn a_raw_log_plays_again_what_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = [serve(log(0, "ubx"), 3), serve(log(1, "ubx"), 3)];
+    let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
+    let more = "[live]\ndeadline_ms = 20000\n[log]\ndir = \"raw\"\n";
+    let text = configuration([&stream(0), &stream(1)], more);
+    let service = Service::start(folder.path(), &text, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    let wanted = rows(&out);
+    let raw = |index: usize| -> PathBuf {
+        let files = fs::read_dir(folder.path().join("raw")).unwrap().map(|e| e.unwrap().path());
+        let name = |file: &PathBuf| file.file_name().unwrap().to_string_lossy().into_owned();
+        let mut files = files.filter(|f| name(f).starts_with(&format!("A{index}-")));
+        files.find(|f| name(f).ends_with(".raw")).unwrap()
+    };
+    for index in [0, 1] {
+        assert_eq!(fs::read(raw(index)).unwrap(), log(index, "ubx"));
+    }
+    let again = |index: usize| format!("stream = \"file://{}?speed=1\"", raw(index).display());
+    let more = "[live]\ndeadline_ms = 20000\n";
+    let text = configuration([&again(0), &again(1)], more);
+    let second = folder.path().join("second");
+    fs::create_dir(&second).unwrap();
+    let service = Service::start(&second, &text, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &wanted, "played again");
+}
