@@ -20,6 +20,8 @@ use crate::status::StreamStatus;
 
 /// A connection that brings nothing for so long is taken for dead.
 const DATA_TIMEOUT: Duration = Duration::from_secs(30);
+/// Bytes without any epoch for so long are those of a decoder that is stuck or of a wrong baud rate.
+const EPOCH_TIMEOUT: Duration = Duration::from_secs(30);
 /// A virtual station wants the position so often.
 const GGA_INTERVAL: Duration = Duration::from_secs(10);
 /// Pieces that may wait for a decoder before the connection is no longer read.
@@ -81,6 +83,25 @@ pub(crate) struct Running {
     ntrip_version: u8,
     /// The date that ephemerides of an earlier connection told, against the one in force.
     told_date: Arc<Mutex<Option<GpsTime>>>,
+}
+
+/// Whether epochs come.
+struct Progress {
+    epochs: u64,
+    since: Instant,
+}
+
+impl Progress {
+    fn new(epochs: u64) -> Self {
+        Self { epochs, since: Instant::now() }
+    }
+
+    fn is_stuck(&mut self, epochs: u64, now: Instant) -> bool {
+        if epochs != self.epochs {
+            *self = Self { epochs, since: now };
+        }
+        now - self.since > EPOCH_TIMEOUT
+    }
 }
 
 /// How a connection ended.
@@ -254,7 +275,12 @@ impl Running {
         gga_due.tick().await;
         let waits = !matches!(self.input.address, Address::File { .. });
         let wants_gga = matches!(self.input.address, Address::Ntrip(_));
+        let mut progress = Progress::new(self.epochs());
         loop {
+            if waits && progress.is_stuck(self.epochs(), Instant::now()) {
+                let seconds = EPOCH_TIMEOUT.as_secs();
+                return End::Broken(format!("bytes come, but no epoch for {seconds} s"));
+            }
             let silence = async {
                 if waits {
                     tokio::time::sleep(DATA_TIMEOUT).await
@@ -311,6 +337,10 @@ impl Running {
         }
     }
 
+    fn epochs(&self) -> u64 {
+        self.statuses.iter().map(|status| status.epochs()).sum()
+    }
+
     /// A decoder for every antenna of the stream.
     fn start_decoders(&self, is_marked: bool) -> (Vec<mpsc::Sender<Chunk>>, Vec<JoinHandle<()>>) {
         let pace = match self.input.address {
@@ -343,5 +373,20 @@ impl Running {
                 (sender, tokio::task::spawn_blocking(decode))
             })
             .unzip()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_without_epochs_are_noticed() {
+        let mut progress = Progress::new(3);
+        let began = progress.since;
+        assert!(!progress.is_stuck(3, began + EPOCH_TIMEOUT));
+        assert!(!progress.is_stuck(4, began + 2 * EPOCH_TIMEOUT));
+        assert!(!progress.is_stuck(4, began + 3 * EPOCH_TIMEOUT));
+        assert!(progress.is_stuck(4, began + 3 * EPOCH_TIMEOUT + Duration::from_millis(1)));
     }
 }

@@ -119,6 +119,11 @@ impl StreamStatus {
         }
     }
 
+    /// Number of epochs so far.
+    pub(crate) fn epochs(&self) -> u64 {
+        self.epochs.load(Relaxed)
+    }
+
     pub(crate) fn note_damage(&self, count: u64) {
         self.damaged.fetch_add(count, Relaxed);
     }

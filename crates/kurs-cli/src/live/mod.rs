@@ -40,6 +40,14 @@ pub(crate) struct Args {
     quiet: bool,
 }
 
+impl Args {
+    /// Runs a configuration until its streams have ended.
+    pub(crate) fn of_demonstration(config: PathBuf, out: PathBuf, quiet: bool) -> Self {
+        let (set, required_fix) = (Vec::new(), RequiredFix::default());
+        Self { config, out, once: true, set, required_fix, quiet }
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = args.load()?;

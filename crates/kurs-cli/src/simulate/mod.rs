@@ -65,6 +65,31 @@ impl Args {
     }
 }
 
+/// A built-in scenario as live streams.
+pub(crate) struct LiveScenario {
+    simulation: Simulation,
+    first_port: u16,
+}
+
+impl LiveScenario {
+    /// Streams that will come from `first_port` on.
+    pub(crate) fn built_in(name: &str, first_port: u16) -> anyhow::Result<Self> {
+        let (scenario, attachments) = load(Path::new(name), &[])?;
+        Ok(Self { simulation: Simulation::new(scenario, &attachments)?, first_port })
+    }
+
+    /// The `[[antenna]]` tables of `kurs live`.
+    pub(crate) fn configuration(&self) -> String {
+        stream::live_configuration(&self.simulation, self.first_port)
+    }
+
+    /// Sends everything at real time.
+    pub(crate) fn send(mut self) -> anyhow::Result<()> {
+        stream::send(&mut self.simulation, StreamArgs::default(), self.first_port, true)?;
+        Ok(())
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.window.check()?;

@@ -43,6 +43,20 @@ impl Default for StreamArgs {
     }
 }
 
+/// The addresses of the streams of a body, and the rest of a configuration of `kurs live` for them.
+pub(super) fn live_configuration(simulation: &Simulation, first_port: u16) -> String {
+    let mut text = String::new();
+    let antennas = simulation.scenario().body.first().into_iter().flat_map(|body| &body.antenna);
+    for (antenna, port) in antennas.zip(first_port..) {
+        let (name, position_m) = (&antenna.name, antenna.position_m);
+        text += &format!(
+            "[[antenna]]\nname = {name:?}\nstream = \"tcp://127.0.0.1:{port}\"\n\
+             position_m = {position_m:?}\n\n"
+        );
+    }
+    text
+}
+
 /// Protocol of the streams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum StreamFormat {
