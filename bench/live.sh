@@ -37,7 +37,7 @@ sleep 1
 "$kurs" live "$folder/live.toml" --out "$folder/rows" --quiet &
 service=$!
 sleep 2
-curl -sN "telnet://127.0.0.1:$((port + 11))" > "$folder/messages.jsonl" < /dev/zero &
+tail -f /dev/null | curl -sN "telnet://127.0.0.1:$((port + 11))" > "$folder/messages.jsonl" &
 resident() { awk '/VmRSS/ { print $2 }' /proc/$service/status; }
 sleep $((seconds / 2))
 half=$(resident)

@@ -718,3 +718,61 @@ fn the_demonstration_gives_a_heading_at_once() {
     assert!(heading_deg.min(360.0 - heading_deg) < 3.0, "{heading_deg}");
     drop(demo);
 }
+
+/// A caster with a certificate of its own, which the system is told to trust; another one is refused.
+#[test]
+fn a_caster_over_tls_must_show_a_certificate_that_is_trusted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let make = Command::new("openssl")
+        .args(["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2"])
+        .args(["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"])
+        .args(["-addext", "basicConstraints=critical,CA:FALSE"])
+        .args(["-keyout", &path("key.pem"), "-out", &path("cert.pem")])
+        .output();
+    let Ok(made) = make else { return println!("skipped: no openssl") };
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let run = |trusted: &str, out: &str| {
+        let port = free_port();
+        let mut server = Command::new("openssl")
+            .args(["s_server", "-quiet", "-accept", &port.to_string()])
+            .args(["-cert", &path("cert.pem"), "-key", &path("key.pem")])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let (mut input, output) = (server.stdin.take().unwrap(), server.stdout.take().unwrap());
+        let server = Partner(server);
+        wait_for("the caster", || TcpListener::bind(("127.0.0.1", port)).is_err().then_some(()));
+        // Answers when the request has come.
+        thread::spawn(move || {
+            let mut line = String::new();
+            if BufReader::new(output).read_line(&mut line).is_ok() && line.starts_with("GET /M") {
+                let _ = input.write_all(b"ICY 200 OK\r\n\r\n");
+                let _ = input.write_all(&log(0, "ubx"));
+            }
+        });
+        let streams = [
+            format!("stream = \"ntrips://localhost:{port}/M\""),
+            format!("stream = \"tcp://127.0.0.1:{}\"", serve(log(1, "ubx"), 1)),
+        ];
+        let file = folder.path().join("live.toml");
+        let live = "[live]\ndeadline_ms = 20000\n";
+        fs::write(&file, configuration([&streams[0], &streams[1]], live)).unwrap();
+        let mut command = kurs();
+        command.arg("live").arg(&file).arg("--out").arg(path(out)).env("SSL_CERT_FILE", trusted);
+        command.stdout(Stdio::null()).stderr(fs::File::create(path("said.txt")).unwrap());
+        (Partner(command.spawn().unwrap()), server)
+    };
+    let running = run(&path("cert.pem"), "trusted");
+    let out = PathBuf::from(path("trusted"));
+    wait_for("fixed rows", || statuses(&out).iter().any(|(_, s)| s == "fixed").then_some(()));
+    drop(running);
+    fs::write(path("none.pem"), "").unwrap();
+    let _running = run(&path("none.pem"), "refused");
+    wait_for("a refusal", || {
+        let said = fs::read_to_string(path("said.txt")).unwrap();
+        said.to_lowercase().contains("certificate").then_some(())
+    });
+}

@@ -233,3 +233,28 @@ async fn send_datagrams(at: &str, mut receiver: broadcast::Receiver<Message>, st
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten messages a second of a receiver with 20 Hz whose tags are off by less than a millisecond, with
+    /// a gap.
+    #[test]
+    fn a_rate_is_kept_on_a_grid() {
+        let (sender, _) = broadcast::channel(1);
+        let encode: Encode = Arc::new(|_, _| None);
+        let mut sink = Sink { rate_hz: Some(10.0), encode, sender, last_period: None };
+        let begin = GpsTime::from_week_tow(2300, 0.0).unwrap();
+        let off_s = [0.0, -4e-4, 4e-4, -9e-4];
+        let due: Vec<usize> = (0..40)
+            .filter(|number| !(12..19).contains(number))
+            .filter(|number| {
+                sink.is_due(begin + (0.05 * *number as f64 + off_s[number % off_s.len()]))
+            })
+            .collect();
+        assert_eq!(due, [0, 2, 4, 6, 8, 10, 19, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38]);
+        sink.rate_hz = None;
+        assert!(sink.is_due(begin) && sink.is_due(begin));
+    }
+}

@@ -346,3 +346,75 @@ impl Status {
         text
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn latencies_are_counted_by_class() {
+        let histogram = Histogram::default();
+        for ms in [0.4, 0.5, 7.0, 20_000.0] {
+            histogram.add(Duration::from_secs_f64(ms * 1e-3));
+        }
+        let mut text = String::new();
+        histogram.write(&mut text, "x", "Help.");
+        for line in [
+            "# TYPE x histogram",
+            "x_bucket{le=\"0.0005\"} 2",
+            "x_bucket{le=\"0.005\"} 2",
+            "x_bucket{le=\"0.0075\"} 3",
+            "x_bucket{le=\"10\"} 3",
+            "x_bucket{le=\"+Inf\"} 4",
+            "x_sum 20.0079",
+            "x_count 4",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line}: {text}");
+        }
+    }
+
+    /// A stream with an interval of 0.1 s is silent after half a second, one without any epoch after five.
+    #[test]
+    fn a_silent_stream_is_named_with_what_is_known_of_it() {
+        let stream = |began_s: u64| {
+            let mut status = StreamStatus::new("bow".into(), Some(38_400));
+            status.began = Instant::now().checked_sub(Duration::from_secs(began_s)).unwrap();
+            status
+        };
+        assert_eq!(stream(4).trouble(), None);
+        assert_eq!(stream(6).trouble().unwrap(), "is not connected");
+        let refused = stream(6);
+        refused.note_error("nobody there");
+        assert_eq!(refused.trouble().unwrap(), "is not connected: nobody there");
+
+        let mut going = stream(1);
+        going.note_connection(true);
+        for tenth in 0..3 {
+            going.note_epoch(GpsTime::default() + 1e9 + 0.1 * f64::from(tenth));
+        }
+        assert_eq!(going.trouble(), None);
+        assert_eq!(going.epochs(), 3);
+        going.began = Instant::now().checked_sub(Duration::from_secs(3)).unwrap();
+        assert!(going.trouble().unwrap().starts_with("is connected, but no epoch came for 2."));
+        going.note_end();
+        assert_eq!(going.trouble().unwrap(), "has ended");
+    }
+
+    #[test]
+    fn metrics_have_a_line_for_every_stream() {
+        let status = Status::new();
+        let stream = Arc::new(StreamStatus::new("a\"b".into(), None));
+        stream.note_bytes(120);
+        stream.note_damage(2);
+        status.streams.lock().unwrap().push(stream);
+        let text = status.metrics();
+        for line in [
+            "kurs_stream_bytes_total{stream=\"a\\\"b\"} 120",
+            "kurs_stream_damaged_total{stream=\"a\\\"b\"} 2",
+            "kurs_stream_line_load{stream=\"a\\\"b\"} 0",
+            "kurs_rows_total{status=\"fixed\"} 0",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line}: {text}");
+        }
+    }
+}

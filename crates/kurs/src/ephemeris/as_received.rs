@@ -10,6 +10,10 @@ use super::NavigationData;
 use crate::observation::ArrayEpoch;
 use crate::time::GpsTime;
 
+/// News that an antenna may have waiting; what comes beyond that, as from a receiver whose epochs are
+/// never used, joins the last.
+const MAX_HELD: usize = 64;
+
 /// News of several streams, each held back until the epoch is solved that follows it.
 #[derive(Debug, Clone, Default)]
 pub struct AsReceived {
@@ -31,8 +35,17 @@ impl AsReceived {
     ///
     /// If there is no such antenna.
     pub fn hold(&mut self, antenna: usize, follows: GpsTime, news: NavigationData) {
-        if news != NavigationData::default() {
-            self.held[antenna].push_back((follows, news));
+        if news == NavigationData::default() {
+            return;
+        }
+        let held = &mut self.held[antenna];
+        let is_full = held.len() >= MAX_HELD;
+        match held.back_mut() {
+            Some(last) if is_full => {
+                last.0 = follows;
+                last.1.update(&news);
+            }
+            _ => held.push_back((follows, news)),
         }
     }
 
@@ -86,6 +99,20 @@ mod tests {
         let with_station = ArrayEpoch { station, ..epoch(5.0, [true, true]) };
         assert_eq!(received.release(&epoch(4.5, [true, true])), []);
         assert_eq!(received.release(&with_station), [news(4)]);
+    }
+
+    #[test]
+    fn what_is_never_used_does_not_gather() {
+        let mut received = AsReceived::new(1);
+        for number in 0..200 {
+            received.hold(0, second(f64::from(number)), news(number));
+        }
+        assert_eq!(received.held[0].len(), MAX_HELD);
+        let one = ArrayEpoch {
+            antennas: vec![Some(AntennaEpoch { time: second(199.0), ..AntennaEpoch::default() })],
+            ..ArrayEpoch::default()
+        };
+        assert_eq!(received.release(&one).last(), Some(&news(199)));
     }
 
     #[test]
