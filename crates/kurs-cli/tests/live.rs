@@ -514,7 +514,8 @@ fn a_cut_cable_and_clients_that_do_not_read() {
     let to = receivers.port + 1;
     let joint = thread::spawn(move || {
         let listener = TcpListener::bind(("127.0.0.1", cable)).unwrap();
-        let mut from = TcpStream::connect(("127.0.0.1", to)).unwrap();
+        let receiver = || TcpStream::connect(("127.0.0.1", to)).ok();
+        let mut from = wait_for("the receiver", receiver);
         let mut buffer = [0; 100];
         loop {
             let (mut client, _) = listener.accept().unwrap();

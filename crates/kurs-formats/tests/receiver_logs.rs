@@ -718,6 +718,21 @@ fn ephemerides_tell_that_the_week_is_wrong() {
     }
 }
 
+/// CRC-24Q by its polynomial, behind a message whose bits were changed.
+fn resealed(mut frame: Vec<u8>) -> Vec<u8> {
+    frame.truncate(frame.len() - 3);
+    let mut remainder = 0u32;
+    for byte in &frame {
+        remainder ^= u32::from(*byte) << 16;
+        for _ in 0..8 {
+            remainder <<= 1;
+            remainder ^= if remainder & 0x100_0000 == 0 { 0 } else { 0x186_4cfb };
+        }
+    }
+    frame.extend(&remainder.to_be_bytes()[1..]);
+    frame
+}
+
 /// The message with other bits in its epoch time, which stands behind 24 bits of the message.
 fn at_time(frame: &[u8], change: impl Fn(u64) -> u64) -> Vec<u8> {
     let mut frame = frame.to_vec();

@@ -7,11 +7,9 @@ use kurs::time::GpsTime;
 
 use super::dating::MIDDLE_WEEK_NS;
 use super::frames::{Frame, Protocol};
+use super::navigation::MessageReader;
 use crate::damage::DamageLog;
-use crate::navigation_frames::{Collector, Taken};
 use crate::rtcm;
-use crate::sbf::{self, block::Block};
-use crate::ubx::{rawx, sfrbx};
 
 /// An ephemeris is in use within a few hours of its reference time, so one half a week away tells that
 /// the week is wrong.
@@ -22,8 +20,8 @@ const CONTRADICTIONS: u32 = 3;
 /// Takes navigation data out of the messages of a log, one after the other.
 #[derive(Debug)]
 pub(super) struct News {
-    collector: Collector,
-    /// A time within ten years of the messages, of RTCM 3 within half a week.
+    messages: MessageReader,
+    /// RTCM 3: a time within half a week.
     near: GpsTime,
     /// With the byte offsets of the messages that told it.
     waiting: VecDeque<(u64, NavigationData)>,
@@ -35,7 +33,7 @@ impl News {
     /// `near` is a time within ten years, where no message tells more.
     pub(super) fn new(near: Option<GpsTime>) -> Self {
         Self {
-            collector: Collector::default(),
+            messages: MessageReader::new(near),
             near: near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS)),
             waiting: VecDeque::new(),
             channels: BTreeMap::new(),
@@ -52,7 +50,14 @@ impl News {
     /// in a row of RTCM 3 agree on it.
     pub(super) fn gather(&mut self, frame: &Frame<'_>, damage: &mut DamageLog) -> Option<GpsTime> {
         let mut data = NavigationData::default();
-        let taken = self.take(frame, &mut data);
+        let taken = match frame.protocol {
+            Protocol::Rtcm3 => {
+                let received =
+                    rtcm::ephemeris::read(rtcm::number(frame.body), frame.body, self.near);
+                received.map(|received| received.map(|received| received.ephemeris))
+            }
+            _ => self.messages.take(frame, &mut data),
+        };
         let mut contradicts = None;
         match taken {
             Some(Ok(ephemeris)) => {
@@ -68,37 +73,6 @@ impl News {
             self.waiting.push_back((frame.offset, data));
         }
         contradicts
-    }
-
-    /// Puts what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
-    /// completes.
-    fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
-        let body = frame.body;
-        match frame.protocol {
-            Protocol::Ubx => {
-                let (id, payload) = (&body[..2], &body[4..]);
-                if id == rawx::RXM_RAWX {
-                    self.near = rawx::time(payload).unwrap_or(self.near);
-                }
-                if id != sfrbx::RXM_SFRBX {
-                    return None;
-                }
-                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
-                    data.ionosphere.gps = Some(klobuchar);
-                }
-                sfrbx::take(payload, self.near, &mut self.collector)
-            }
-            Protocol::Rtcm3 => {
-                let received = rtcm::ephemeris::read(rtcm::number(body), body, self.near);
-                received.map(|received| received.map(|received| received.ephemeris))
-            }
-            Protocol::Sbf => {
-                let block = Block::of(body);
-                // Without a time stamp nothing tells the week.
-                let time = block.time()?;
-                sbf::navigation::take(&block, time, &mut self.collector, data)
-            }
-        }
     }
 
     fn contradicts(&mut self, ephemeris: &Ephemeris) -> Option<GpsTime> {
