@@ -17,6 +17,7 @@ mod init;
 mod inspect;
 mod integers;
 mod interrupt;
+mod live;
 mod map_files;
 mod orient;
 mod output;
@@ -55,6 +56,7 @@ struct Cli {
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Solve(Box<solve::Args>),
+    Live(live::Args),
     Init(init::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
@@ -91,6 +93,7 @@ impl Command {
     fn run(self) -> anyhow::Result<ExitCode> {
         match self {
             Self::Solve(args) => solve::run(&args),
+            Self::Live(args) => live::run(&args),
             Self::Init(args) => init::run(&args),
             Self::Simulate(args) => simulate::run(&args),
             Self::Demo(args) => demo::run(&args),

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -193,7 +193,8 @@ fn refuse_inputs(target: &Path, names: &[&str], inputs: &[PathBuf]) -> Result<()
 pub(crate) struct OutputFile {
     writer: Option<BufWriter<File>>,
     /// After [`OutputFile::finish`] there is none with that name to be removed.
-    temporary: Temporary,
+    /// Its name until it is finished; `None`: it has its own from the start.
+    temporary: Option<Temporary>,
     target: PathBuf,
 }
 
@@ -207,7 +208,26 @@ impl OutputFile {
         let temporary = Temporary::new(temporary);
         let file = File::create(&temporary.0)
             .with_context(|| format!("{}: cannot be written", target.display()))?;
-        Ok(Self { writer: Some(BufWriter::with_capacity(1 << 16, file)), temporary, target })
+        let writer = Some(BufWriter::with_capacity(1 << 16, file));
+        Ok(Self { writer, temporary: Some(temporary), target })
+    }
+
+    /// Goes on with a file that is there under its own name from the start; part of a line at its end,
+    /// which a run that was killed may have left, goes. `true` if it was there and has anything in it.
+    pub(crate) fn append(directory: &Path, name: &str) -> anyhow::Result<(Self, bool)> {
+        fs::create_dir_all(directory)
+            .with_context(|| format!("{}: cannot be made", directory.display()))?;
+        let target = directory.join(name);
+        let open = || -> io::Result<(File, u64)> {
+            let file = File::options().read(true).append(true).create(true).open(&target)?;
+            let length = whole_lines(&file)?;
+            file.set_len(length)?;
+            Ok((file, length))
+        };
+        let (file, length) =
+            open().with_context(|| format!("{}: cannot be written", target.display()))?;
+        let writer = Some(BufWriter::with_capacity(1 << 16, file));
+        Ok((Self { writer, temporary: None, target }, length > 0))
     }
 
     /// Gives the file its name.
@@ -215,9 +235,23 @@ impl OutputFile {
         if let Some(mut writer) = self.writer.take() {
             writer.flush().with_context(|| format!("{}: write failed", self.target.display()))?;
         }
-        fs::rename(&self.temporary.0, &self.target)
+        let Some(temporary) = &self.temporary else { return Ok(()) };
+        fs::rename(&temporary.0, &self.target)
             .with_context(|| format!("{}: cannot be written", self.target.display()))
     }
+}
+
+/// Length of the file without part of a line at its end.
+fn whole_lines(mut file: &File) -> io::Result<u64> {
+    /// Longer than any row.
+    const LAST: u64 = 64 * 1024;
+    let length = file.metadata()?.len();
+    let start = length.saturating_sub(LAST);
+    file.seek(SeekFrom::Start(start))?;
+    let mut end = Vec::new();
+    file.read_to_end(&mut end)?;
+    let whole = end.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+    Ok(start + whole as u64)
 }
 
 /// Writes a value as `directory/name`, indented JSON.

@@ -59,6 +59,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let row = engine.push(&epoch);
         survey.add(&row);
         progress.epoch(row.status == Status::Fixed, || streams.share());

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
@@ -120,6 +121,15 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => reader.next_epoch(epoch),
             Self::Log(reader) => reader.next_epoch(epoch),
+        }
+    }
+
+    /// Navigation data that came before the epoch that was read last: of a log that is read as received
+    /// ([`LogReader::take_news`]).
+    pub fn take_news(&mut self) -> NavigationData {
+        match self {
+            Self::Rinex(_) => NavigationData::default(),
+            Self::Log(reader) => reader.take_news(),
         }
     }
 

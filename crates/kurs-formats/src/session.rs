@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
+use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
@@ -125,6 +126,12 @@ impl SessionReader {
         let mut channels = self.glonass_channels.clone();
         channels.extend(self.current.glonass_channels());
         channels
+    }
+
+    /// Navigation data that came before the epoch that was read last: of a log that is read as received
+    /// ([`LogOptions::as_received`]).
+    pub fn take_news(&mut self) -> NavigationData {
+        self.current.take_news()
     }
 
     /// The file that is being read.

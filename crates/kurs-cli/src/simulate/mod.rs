@@ -5,6 +5,7 @@ mod every_key;
 mod imu_files;
 mod observation_files;
 mod scenario_file;
+mod stream;
 mod truth_tables;
 
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use crate::progress::{Progress, Work};
 use crate::window::Window;
 use observation_files::{ObservationFiles, file_name, signals_left_out};
 use scenario_file::load;
+use stream::StreamArgs;
 use truth_tables::{AmbiguityTable, TruthTable};
 
 /// Name of the navigation file.
@@ -41,6 +43,8 @@ pub(crate) struct Args {
     set: Vec<String>,
     #[command(flatten)]
     window: Window,
+    #[command(flatten)]
+    stream: StreamArgs,
     /// Prints what was written as JSON in place of the closing summary.
     #[arg(long)]
     json: bool,
@@ -56,8 +60,33 @@ const OUTPUTS: &[&str] =
 impl Args {
     /// Simulates a built-in scenario.
     pub(crate) fn built_in(name: &str, out: PathBuf, quiet: bool) -> Self {
-        let (set, window, json) = (Vec::new(), Window::default(), false);
-        Self { scenario: name.into(), out, set, window, json, quiet }
+        let (set, window, stream) = (Vec::new(), Window::default(), StreamArgs::default());
+        Self { scenario: name.into(), out, set, window, stream, json: false, quiet }
+    }
+}
+
+/// A built-in scenario as live streams.
+pub(crate) struct LiveScenario {
+    simulation: Simulation,
+    first_port: u16,
+}
+
+impl LiveScenario {
+    /// Streams that will come from `first_port` on.
+    pub(crate) fn built_in(name: &str, first_port: u16) -> anyhow::Result<Self> {
+        let (scenario, attachments) = load(Path::new(name), &[])?;
+        Ok(Self { simulation: Simulation::new(scenario, &attachments)?, first_port })
+    }
+
+    /// The `[[antenna]]` tables of `kurs live`.
+    pub(crate) fn configuration(&self) -> String {
+        stream::live_configuration(&self.simulation, self.first_port)
+    }
+
+    /// Sends everything at real time.
+    pub(crate) fn send(mut self) -> anyhow::Result<()> {
+        stream::send(&mut self.simulation, StreamArgs::default(), self.first_port, true)?;
+        Ok(())
     }
 }
 
@@ -67,6 +96,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (scenario, attachments) = load(&args.scenario, &args.set)?;
     let mut simulation = Simulation::new(scenario, &attachments)
         .map_err(|error| UsageError(format!("{}: {error}", args.scenario.display())))?;
+    if let Some(port) = args.stream.stream {
+        let epochs = stream::send(&mut simulation, args.stream, port, args.quiet)?;
+        if !args.quiet {
+            println!("{epochs} epochs sent");
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
     let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.scenario))?;
     let mut files = Files::default();
     let mut progress = Progress::start(args.quiet, Work::SIMULATE);

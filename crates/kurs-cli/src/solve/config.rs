@@ -36,6 +36,13 @@ pub(crate) struct Config {
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
     pub(crate) station: Option<StationTable>,
+    /// What only `kurs live` reads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) live: Option<LiveTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) output: Vec<OutputTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) log: Option<LogTable>,
     // What `kurs plan` is told in the same file.
     #[serde(default, rename = "plan", skip_serializing)]
     _plan: IgnoredAny,
@@ -50,7 +57,11 @@ pub(crate) struct Config {
 #[serde(deny_unknown_fields)]
 pub(crate) struct AntennaTable {
     pub(crate) name: String,
+    #[serde(default)]
     pub(crate) obs: Vec<PathBuf>,
+    /// `kurs live`: where the bytes come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stream: Option<String>,
     pub(crate) position_m: Option<[f64; 3]>,
     /// IGS name of type and radome, to be found in the ANTEX files.
     pub(crate) antenna_type: Option<String>,
@@ -123,6 +134,9 @@ pub(crate) struct AntexTable {
 pub(crate) struct NavTable {
     #[serde(default)]
     pub(crate) files: Vec<PathBuf>,
+    /// Of a log only the ephemerides that came before the epoch, as a live run knows them.
+    #[serde(default)]
+    pub(crate) as_received: bool,
     /// Date, or date and time, of logs that do not tell it.
     pub(crate) approximate_time: Option<toml::value::Datetime>,
 }
@@ -131,7 +145,11 @@ pub(crate) struct NavTable {
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StationTable {
+    #[serde(default)]
     pub(crate) obs: Vec<PathBuf>,
+    /// `kurs live`: where the bytes come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stream: Option<String>,
     pub(crate) position_ecef_m: [f64; 3],
     /// Log of several protocols with observations: the one that is wanted.
     #[serde(
@@ -159,6 +177,49 @@ pub(crate) struct StationTable {
 pub(crate) struct PointTable {
     pub(crate) name: String,
     pub(crate) position_m: [f64; 3],
+}
+
+/// The service of `kurs live`.
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct LiveTable {
+    /// Name in messages.
+    pub(crate) body: Option<String>,
+    pub(crate) deadline_ms: Option<f64>,
+    pub(crate) state_dir: Option<PathBuf>,
+    /// Address of `/healthz` and `/metrics`.
+    pub(crate) page: Option<String>,
+}
+
+/// Where messages go.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct OutputTable {
+    pub(crate) to: String,
+    pub(crate) profile: Profile,
+    pub(crate) rate_hz: Option<f64>,
+    /// Angles of float rows leave too.
+    #[serde(default)]
+    pub(crate) float: bool,
+}
+
+/// What messages look like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Profile {
+    /// Sentences of NMEA 0183.
+    Marine,
+    /// The columns of `attitude.csv` as JSON lines, with the times of the message.
+    Jsonl,
+    /// The rows of `attitude.csv`.
+    Csv,
+}
+
+/// Raw logs of the streams.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LogTable {
+    pub(crate) dir: PathBuf,
 }
 
 /// The method's settings; every key has a default.
@@ -253,6 +314,8 @@ pub(crate) struct Overrides<'a> {
     pub(crate) set: &'a [String],
     /// Which epochs count.
     pub(crate) window: Window,
+    /// Streams take the place of files.
+    pub(crate) is_live: bool,
 }
 
 /// Reads the configuration file (if any), applies flags and `--set`.
@@ -299,6 +362,9 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
     let (config, text) = typed(&table).map_err(UsageError)?;
     let loaded = Loaded { config, window: overrides.window, folder, origins, text };
     loaded.check()?;
+    if !overrides.is_live {
+        loaded.check_files()?;
+    }
     Ok(loaded)
 }
 
@@ -433,6 +499,18 @@ impl Loaded {
         &self.text
     }
 
+    /// Every antenna, and the station if there is one, must have files.
+    fn check_files(&self) -> Result<(), UsageError> {
+        let Config { antenna, station, .. } = &self.config;
+        if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
+            return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
+        }
+        if station.as_ref().is_some_and(|station| station.obs.is_empty()) {
+            return Err(UsageError("station: `obs` names no file".into()));
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<(), UsageError> {
         let Config { antenna, nav, antex, point, .. } = &self.config;
         if antenna.len() < 2 {
@@ -453,9 +531,6 @@ impl Loaded {
                 )));
             }
         }
-        if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
-            return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
-        }
         if let Some(time) = &nav.approximate_time
             && gps_time(time).is_none()
         {
@@ -471,9 +546,6 @@ impl Loaded {
                     "station.position_ecef_m is {radius_m:.0} m from the Earth's centre, expected ECEF \
                      coordinates of a place on the Earth"
                 )));
-            }
-            if station.obs.is_empty() {
-                return Err(UsageError("station: `obs` names no file".into()));
             }
         }
         for a in antenna {

@@ -6,7 +6,7 @@ pub(crate) mod found_files;
 pub(crate) mod input;
 mod nmea;
 mod origins;
-mod phase_centers;
+pub(crate) mod phase_centers;
 mod pos;
 mod review;
 pub(crate) mod session_args;
@@ -171,6 +171,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
         if copies.add(&epoch) {
             refuse_zero_baseline(&mut row);
@@ -235,7 +236,7 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
 }
 
 /// An epoch whose antennas are one recording: its baselines are zero, which no array has.
-fn refuse_zero_baseline(row: &mut EpochSolution) {
+pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
     (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
     row.attitude = None;
     row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);

@@ -65,6 +65,7 @@ impl SessionArgs {
             nav: &[],
             set: &self.set,
             window: self.window,
+            is_live: false,
         };
         let file = found.configuration.clone();
         let loaded = config::load(file.as_deref(), &overrides)?;

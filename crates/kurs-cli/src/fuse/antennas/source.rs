@@ -120,6 +120,8 @@ impl Source {
         match (next, &mut self.kind) {
             (Next::Row(row), _) => session.push_row(*row),
             (Next::Epoch(_), Kind::Observed(chain)) => {
+                let news = chain.streams.news(&chain.epoch);
+                news.iter().for_each(|news| chain.engine.insert(news));
                 let row = session.solve(&chain.epoch, &mut chain.engine, sample);
                 chain.progress.epoch(row.status == Status::Fixed, || chain.streams.share());
                 session.push_row(row)
