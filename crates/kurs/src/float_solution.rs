@@ -322,31 +322,32 @@ impl FloatSolution {
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
     }
 
-    /// Normalised squares `ê²/σ²` of the links' code, over the share of a link's error that residuals show (their
-    /// degrees of freedom over the number of links): 1 is what to expect. Empty without redundancy.
-    pub fn code_squares(&self, links: &[Link]) -> Vec<(usize, f64)> {
-        let mut squares: Vec<(usize, f64)> = Vec::new();
+    /// Normalised residuals `ê/σ` of the links' code, over the root of the share of a link's variance that residuals
+    /// show (their degrees of freedom over the number of links): a mean square of 1 is what to expect. Empty
+    /// without redundancy.
+    pub fn code_residuals(&self, links: &[Link]) -> Vec<(usize, f64)> {
+        let mut residuals: Vec<(usize, f64)> = Vec::new();
         for codes in &self.codes {
             // ê = Σ Dᵀ L⁻ᵀ (L⁻¹ r)
             let mut weighted = &codes.misclosure - &codes.design * &self.correction_m;
             codes.factor.l_dirty().tr_solve_lower_triangular_mut(&mut weighted);
-            spread(&codes.combinations, codes.first_link, &weighted, &mut squares);
+            spread(&codes.combinations, codes.first_link, &weighted, &mut residuals);
         }
-        normalise(&mut squares, self.code_fit.degrees_of_freedom, |link| {
+        normalise(&mut residuals, self.code_fit.degrees_of_freedom, |link| {
             links[link].variances.code_m2
         });
-        squares
+        residuals
     }
 
-    /// Normalised squares of the links' phases with these integers and baselines, as
-    /// [`code_squares`](Self::code_squares).
-    pub fn phase_squares(
+    /// Normalised residuals of the links' phases with these integers and baselines, as
+    /// [`code_residuals`](Self::code_residuals).
+    pub fn phase_residuals(
         &self,
         links: &[Link],
         integers: &[f64],
         correction_m: &DVector<f64>,
     ) -> Vec<(usize, f64)> {
-        let mut squares: Vec<(usize, f64)> = Vec::new();
+        let mut residuals: Vec<(usize, f64)> = Vec::new();
         let mut first = 0;
         for phases in &self.phases {
             let count = phases.misclosure_m.len();
@@ -356,11 +357,11 @@ impl FloatSolution {
             }
             first += count;
             phases.factor.solve_mut(&mut weighted);
-            spread(&phases.combinations, phases.first_link, &weighted, &mut squares);
+            spread(&phases.combinations, phases.first_link, &weighted, &mut residuals);
         }
         let degrees_of_freedom = first.saturating_sub(correction_m.len());
-        normalise(&mut squares, degrees_of_freedom, |link| links[link].variances.phase_m2);
-        squares
+        normalise(&mut residuals, degrees_of_freedom, |link| links[link].variances.phase_m2);
+        residuals
     }
 
     /// Whole cycles of every link whose phase is used, as far as the epoch's integers tell them: those of
@@ -525,7 +526,7 @@ fn spread(
     links.extend(found);
 }
 
-/// From `ê/σ²` of each link to `ê²/σ²` over the share of the errors that the residuals show.
+/// From `ê/σ²` of each link to `ê/σ` over the root of the share of the variances that the residuals show.
 fn normalise(
     links: &mut Vec<(usize, f64)>,
     degrees_of_freedom: usize,
@@ -536,7 +537,7 @@ fn normalise(
     }
     let shown = degrees_of_freedom as f64 / links.len().max(1) as f64;
     for (link, value) in links {
-        *value = variance_m2(*link) * value.powi(2) / shown;
+        *value *= (variance_m2(*link) / shown).sqrt();
     }
 }
 

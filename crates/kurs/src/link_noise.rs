@@ -13,7 +13,7 @@
 //!
 //! (two stations in a mountain valley, 24 h of BeiDou; `docs/experiments/real-skies.md`). A phase that is
 //! likely to be off determines no integer, so none is asked for: beyond [`MAX_MISSING_DB`] the phase is
-//! left out. Below, it has the variance of what the edge may do,
+//! left out. Below, it has the variance of what the edge may do, all of it common to the bands,
 //!
 //! `σ_e = E (d − d₀)`,   `E` = [`EDGE_M_PER_DB`], `d₀` = [`USUAL_SPREAD_DB`].
 //!
@@ -45,16 +45,21 @@ const EDGE_M_PER_DB: f64 = 0.004;
 const SATELLITE_SPREAD_DB: f64 = 3.0;
 /// What antennas receive less at the horizon than at the zenith, dB: as in [`crate::sky::NoiseModel`].
 const LOSS_AT_HORIZON_DB: f64 = 10.0;
-/// `κ` of phases: measured by `bench/real_skies.py --common`.
-pub const COMMON_PHASE: f64 = 0.7;
-/// `κ` of code.
-pub const COMMON_CODE: f64 = 0.5;
 /// Code residuals beyond this are outliers, in standard deviations: one in 150 of Gaussian noise.
 const MAX_CODE_SIGMAS: f64 = 2.7;
 /// Epochs that "no antenna lacks anything" counts for.
 const PRIOR_EPOCHS: f64 = 1.0;
 /// Epochs after which the past is forgotten.
 const MEMORY_EPOCHS: f64 = 600.0;
+
+/// `κ`: share of the variance that is common to the bands of a satellite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Common {
+    /// Of the code.
+    pub code: f64,
+    /// Of the phases.
+    pub phase: f64,
+}
 
 /// Mean square to expect of a residual of one of `bands` bands, in units of the variance it was given.
 #[must_use]
@@ -84,7 +89,7 @@ struct Usual {
 impl LinkNoise {
     /// Gives the links of an epoch (grouped: sorted by satellite and antenna within each group) the variances
     /// that all antennas and bands together tell, and takes out the phases that an edge has spoilt.
-    pub fn apply(&mut self, links: &mut [Link], groups: &[Range<usize>]) {
+    pub fn apply(&mut self, links: &mut [Link], groups: &[Range<usize>], common: Common) {
         for group in groups {
             self.learn(&links[group.clone()]);
             for of_satellite in
@@ -93,7 +98,7 @@ impl LinkNoise {
                 self.look_for_edges(of_satellite);
             }
         }
-        self.share_between_bands(links);
+        self.share_between_bands(links, common);
     }
 
     /// Learns from the medians of one group of links.
@@ -145,13 +150,11 @@ impl LinkNoise {
             if missing_db > MAX_MISSING_DB {
                 link.phase_m = None;
             }
-            let edge_m = EDGE_M_PER_DB * (missing_db - USUAL_SPREAD_DB).max(0.0);
-            link.variances.phase_m2 += edge_m * edge_m;
         }
     }
 
-    /// `σ_B² = σ² (1 + κ (B − 1))`
-    fn share_between_bands(&mut self, links: &mut [Link]) {
+    /// `σ_B² = σ² (1 + κ (B − 1)) + B σ_e²`
+    fn share_between_bands(&mut self, links: &mut [Link], common: Common) {
         self.bands.clear();
         for link in links.iter() {
             *self.bands.entry((link.antenna, link.satellite)).or_default() += 1;
@@ -159,21 +162,22 @@ impl LinkNoise {
         for link in links {
             link.bands = self.bands[&(link.antenna, link.satellite)];
             let more = link.bands as f64 - 1.0;
-            link.variances.phase_m2 *= 1.0 + COMMON_PHASE * more;
-            link.variances.code_m2 *= 1.0 + COMMON_CODE * more;
+            let edge_m = EDGE_M_PER_DB * (link.missing_db - USUAL_SPREAD_DB).max(0.0);
+            link.variances.phase_m2 = link.variances.phase_m2 * (1.0 + common.phase * more)
+                + link.bands as f64 * edge_m * edge_m;
+            link.variances.code_m2 *= 1.0 + common.code * more;
         }
     }
 }
 
-/// Gives code whose residual is an outlier (`squares`: links with their normalised squares) the variance that
-/// makes it one of [`MAX_CODE_SIGMAS`], as Huber's estimator weighs it; whether there was any.
+/// Gives code whose normalised residual is an outlier the variance that makes it one of [`MAX_CODE_SIGMAS`], as
+/// Huber's estimator weighs it; whether there was any.
 ///
 /// Reflections put metres on the code for tens of seconds; they should neither decide nor veto.
-pub fn weigh_code_outliers(links: &mut [Link], squares: &[(usize, f64)]) -> bool {
-    let limit = MAX_CODE_SIGMAS * MAX_CODE_SIGMAS;
+pub fn weigh_code_outliers(links: &mut [Link], residuals: &[(usize, f64)]) -> bool {
     let mut any = false;
-    for (link, square) in squares.iter().filter(|(_, square)| *square > limit) {
-        links[*link].variances.code_m2 *= square / limit;
+    for (link, z) in residuals.iter().filter(|(_, z)| z.abs() > MAX_CODE_SIGMAS) {
+        links[*link].variances.code_m2 *= (z / MAX_CODE_SIGMAS).powi(2);
         any = true;
     }
     any

@@ -107,7 +107,9 @@ impl Estimator {
         self.weigh(links, groups);
         let float = robust_float(links, groups, frame)?;
         let degrees_of_freedom = float.code_fit.degrees_of_freedom;
-        self.levels.learn_code(links, &float.code_squares(links), degrees_of_freedom);
+        let unknowns = float.correction_m.len();
+        let residuals = float.code_residuals(links);
+        self.levels.learn_code(links, &residuals, degrees_of_freedom, unknowns);
         if !is_young {
             return Ok(float);
         }
@@ -119,7 +121,7 @@ impl Estimator {
     /// Variances of the links: levels of the session, edges, common errors of the bands.
     fn weigh(&mut self, links: &mut [Link], groups: &[core::ops::Range<usize>]) {
         self.levels.apply(links);
-        self.link_noise.apply(links, groups);
+        self.link_noise.apply(links, groups, self.levels.common());
     }
 }
 
@@ -132,8 +134,7 @@ fn robust_float(
     let rovers: Vec<usize> = frame.rovers().collect();
     let mut float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
     for _ in 0..MAX_REWEIGHTINGS {
-        let squares = float.code_squares(links);
-        if !link_noise::weigh_code_outliers(links, &squares) {
+        if !link_noise::weigh_code_outliers(links, &float.code_residuals(links)) {
             break;
         }
         float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;

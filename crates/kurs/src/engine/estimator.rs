@@ -241,8 +241,10 @@ impl Estimator {
             return;
         };
         let Some(conditional) = float.conditional(&integers) else { return };
-        let squares = float.phase_squares(links, &integers, &conditional.correction_m);
-        self.levels.learn_phase(links, &squares, conditional.phase_fit.degrees_of_freedom);
+        let residuals = float.phase_residuals(links, &integers, &conditional.correction_m);
+        let degrees_of_freedom = conditional.phase_fit.degrees_of_freedom;
+        let unknowns = conditional.correction_m.len();
+        self.levels.learn_phase(links, &residuals, degrees_of_freedom, unknowns);
     }
 
     fn orient(&self, fixed: Fixed) -> Oriented {

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 
 use crate::difference::Link;
 use crate::float_solution::recursive::CORRELATION_S;
-use crate::link_noise::{COMMON_CODE, COMMON_PHASE, expected_square};
+use crate::link_noise::{Common, expected_square};
 use crate::signal::Band;
 use crate::time::GpsTime;
 
@@ -29,12 +29,18 @@ const CODE_PRIOR: f64 = 4.0;
 const PHASE_PRIOR: f64 = 8.0;
 /// Degrees of freedom that the level of all bands counts for on each band.
 const BAND_PRIOR: f64 = 10.0;
+/// Share that the bands of a satellite have in common before anything is known: half,
+const COMMON_BEFORE: f64 = 0.5;
+/// as sure as from so many squares.
+const COMMON_PRIOR: f64 = 30.0;
 /// Degrees of freedom after which old epochs are forgotten: multipath changes over minutes.
 const MEMORY: f64 = 1000.0;
 /// No session is better than this share of the a-priori standard deviation.
 const MIN_SCALE: f64 = 0.2;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
 const MAX_SQUARE: f64 = 2.7 * 2.7;
+/// Share of common errors that baselines leave at least, so that nothing is divided by zero.
+const MIN_LEFT: f64 = 0.2;
 /// While the code's level is known with less than this, an epoch's own residuals enter its weights.
 const YOUNG: f64 = 30.0;
 
@@ -65,6 +71,33 @@ impl Squares {
 struct Kind {
     all: Squares,
     bands: BTreeMap<Band, Squares>,
+    common: CommonShare,
+}
+
+/// Sums that tell the share `κ` of the variance that the `B` bands of a satellite have in common. With the
+/// normalised residuals `z_b` of one satellite at one antenna,
+///
+/// `E (Σ z_b)² / Σ z_b² = 1 + κ (B − 1)`.
+///
+/// The baselines take up a part of what is common, so the left side counts over the share that they leave.
+#[derive(Debug, Clone, Copy, Default)]
+struct CommonShare {
+    /// `Σ ((Σ z_b)² / left − Σ z_b²)` and `Σ (B − 1) Σ z_b²`.
+    together: f64,
+    apart: f64,
+}
+
+impl CommonShare {
+    fn kappa(self) -> f64 {
+        let share = (self.together + COMMON_BEFORE * COMMON_PRIOR) / (self.apart + COMMON_PRIOR);
+        share.clamp(0.0, 1.0)
+    }
+
+    fn learn(&mut self, epoch: Self) {
+        let keep = (1.0 - epoch.apart / MEMORY).max(0.5);
+        self.together = self.together * keep + epoch.together;
+        self.apart = self.apart * keep + epoch.apart;
+    }
 }
 
 impl Kind {
@@ -121,6 +154,11 @@ impl NoiseLevels {
         self.code.all.degrees_of_freedom < YOUNG
     }
 
+    /// Shares of the variances that the bands of a satellite have in common.
+    pub(super) fn common(&self) -> Common {
+        Common { code: self.code.common.kappa(), phase: self.phase.common.kappa() }
+    }
+
     /// Scales the a-priori variances of an epoch's links.
     pub(super) fn apply(&self, links: &mut [Link]) {
         let (code, phase) = (self.code_factor(), self.phase_factor());
@@ -135,16 +173,18 @@ impl NoiseLevels {
     }
 
     /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply): normalised
-    /// squares of links, which have `degrees_of_freedom` together.
+    /// residuals of links, which have `degrees_of_freedom` together.
     pub(super) fn learn_code(
         &mut self,
         links: &[Link],
-        squares: &[(usize, f64)],
+        residuals: &[(usize, f64)],
         degrees_of_freedom: usize,
+        baseline_unknowns: usize,
     ) {
         let overall = self.code_factor();
-        let expected = |link: &Link| expected_square(link.bands, COMMON_CODE);
-        let epoch = Residuals { links, squares, degrees_of_freedom, weight: self.weight };
+        let kappa = self.code.common.kappa();
+        let expected = |link: &Link| expected_square(link.bands, kappa);
+        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight: self.weight };
         epoch.teach(&mut self.code, overall, expected);
     }
 
@@ -152,21 +192,24 @@ impl NoiseLevels {
     pub(super) fn learn_phase(
         &mut self,
         links: &[Link],
-        squares: &[(usize, f64)],
+        residuals: &[(usize, f64)],
         degrees_of_freedom: usize,
+        baseline_unknowns: usize,
     ) {
         let overall = self.phase_factor();
-        let expected = |link: &Link| expected_square(link.bands, COMMON_PHASE);
-        let epoch = Residuals { links, squares, degrees_of_freedom, weight: self.weight };
+        let kappa = self.phase.common.kappa();
+        let expected = |link: &Link| expected_square(link.bands, kappa);
+        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight: self.weight };
         epoch.teach(&mut self.phase, overall, expected);
     }
 }
 
-/// Normalised squares of an epoch's links.
+/// Normalised residuals of an epoch's links, in the order of the links.
 struct Residuals<'a> {
     links: &'a [Link],
-    squares: &'a [(usize, f64)],
+    residuals: &'a [(usize, f64)],
     degrees_of_freedom: usize,
+    baseline_unknowns: usize,
     weight: f64,
 }
 
@@ -174,15 +217,16 @@ impl Residuals<'_> {
     /// Teaches a kind of observation whose level of all bands is `overall`.
     fn teach(&self, kind: &mut Kind, overall: f64, expected: impl Fn(&Link) -> f64) {
         // The unknowns take their share of every link.
-        let share = self.weight * self.degrees_of_freedom as f64 / self.squares.len().max(1) as f64;
+        let share = self.weight * self.degrees_of_freedom as f64 / self.residuals.len().max(1) as f64;
         let mut epoch = Squares::default();
-        let band_of = |square: &(usize, f64)| self.links[square.0].signal.band;
-        for of_band in self.squares.chunk_by(|a, b| band_of(a) == band_of(b)) {
+        let band_of = |residual: &(usize, f64)| self.links[residual.0].signal.band;
+        for of_band in self.residuals.chunk_by(|a, b| band_of(a) == band_of(b)) {
             let band = band_of(&of_band[0]);
             let applied = kind.factor(band, overall);
             let mut own = Squares::default();
-            for (link, square) in of_band {
-                own.sum += share * applied * square.min(MAX_SQUARE) / expected(&self.links[*link]);
+            for (link, z) in of_band {
+                let square = z.powi(2).min(MAX_SQUARE);
+                own.sum += share * applied * square / expected(&self.links[*link]);
                 own.degrees_of_freedom += share;
             }
             epoch.sum += own.sum;
@@ -190,5 +234,34 @@ impl Residuals<'_> {
             kind.bands.entry(band).or_default().learn(own);
         }
         kind.all.learn(epoch);
+        kind.common.learn(self.common());
+    }
+
+    /// What the bands of each satellite have in common.
+    fn common(&self) -> CommonShare {
+        let key = |residual: &(usize, f64)| {
+            let link = &self.links[residual.0];
+            (link.antenna, link.satellite)
+        };
+        let mut sorted = self.residuals.to_vec();
+        sorted.sort_by_key(key);
+        let satellites = sorted.chunk_by(|a, b| key(a) == key(b)).count();
+        // A residual of one link is a share of its error, of the common ones a smaller one: the same
+        // unknowns stand against fewer errors.
+        let links = self.residuals.len();
+        let hidden = links.saturating_sub(self.degrees_of_freedom) as f64;
+        let of_each = 1.0 - hidden / links.max(1) as f64;
+        let baselines = self.baseline_unknowns as f64;
+        let left = 1.0 - (hidden - baselines) / links.max(1) as f64 - baselines / satellites.max(1) as f64;
+        let left = (left / of_each.max(1e-3)).max(MIN_LEFT);
+        let mut share = CommonShare::default();
+        for of_satellite in sorted.chunk_by(|a, b| key(a) == key(b)).filter(|s| s.len() > 1) {
+            let limit = MAX_SQUARE.sqrt();
+            let values = || of_satellite.iter().map(|(_, z)| z.clamp(-limit, limit));
+            let (sum, squares): (f64, f64) = (values().sum(), values().map(|z| z * z).sum());
+            share.together += self.weight * (sum * sum / left - squares);
+            share.apart += self.weight * (of_satellite.len() - 1) as f64 * squares;
+        }
+        share
     }
 }

@@ -106,7 +106,9 @@ impl Searches {
     }
 
     /// Probability of integers that nothing is known of but the epoch, over that of those `found` under the
-    /// constraint: if the geometry is wrong, none of its candidates is right. 0 where they are the same.
+    /// constraint: if the geometry is wrong, none of its candidates is right. 0 where they are the same. Where
+    /// the model without the constraint is weak, its best integers are one of many and right as rarely as its success
+    /// rate says.
     fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
         let float = problem.float;
         let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
@@ -118,7 +120,9 @@ impl Searches {
         }
         let likelihood = Likelihood::new(float, problem.known, 0);
         let free = (best.integers.as_slice(), best.squared_distance);
-        likelihood.against(float, free, (&integers, found.misfit.sum))
+        let ratio = likelihood.against(float, free, (&integers, found.misfit.sum));
+        let variances = self.free.decorrelation().conditional_variances();
+        ratio * bootstrapped_success_rate(variances)
     }
 
     /// The most probable integers, if the geometry is right.

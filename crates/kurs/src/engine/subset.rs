@@ -127,9 +127,10 @@ impl Doubted<'_> {
         let (Ok(found), Some(conditional)) = (&self.fix.found, &self.fix.conditional) else {
             return Vec::new();
         };
-        let squares = float.phase_squares(links, &found.integers, &conditional.correction_m);
+        let residuals = float.phase_residuals(links, &found.integers, &conditional.correction_m);
         let mut worst: Vec<(f64, usize, Satellite)> = Vec::new();
-        for (link, square) in squares {
+        for (link, z) in residuals {
+            let square = z * z;
             let Link { antenna, satellite, .. } = links[link];
             match worst.iter_mut().find(|(_, a, s)| (*a, *s) == (antenna, satellite)) {
                 Some((largest, ..)) => *largest = largest.max(square),
