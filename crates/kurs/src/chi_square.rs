@@ -48,7 +48,8 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - incomplete_beta(1.0 - x, b, a);
     }
-    let log_factor = a * x.ln() + b * (1.0 - x).ln() + libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b);
+    let log_factor =
+        a * x.ln() + b * (1.0 - x).ln() + libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b);
     // 1/(1 + d₁/(1 + d₂/(1 + …))), from the inside
     let fraction = (1..=200).rev().fold(1.0, |inner, k| {
         let m = f64::from(k / 2);
@@ -115,7 +116,8 @@ mod tests {
             assert!((tail / probability - 1.0).abs() < 0.01, "{degrees} {known_with}: {tail}");
         }
         for (value, degrees) in [(3.0, 2), (30.0, 10), (80.0, 40)] {
-            let (fisher, limit) = (fisher_tail(value, degrees as f64, 1e6), chi_square_tail(value, degrees));
+            let (fisher, limit) =
+                (fisher_tail(value, degrees as f64, 1e6), chi_square_tail(value, degrees));
             assert!((fisher - limit).abs() < 1e-4 * limit.max(1e-3), "{fisher} {limit}");
         }
     }

@@ -6,7 +6,8 @@
 //! `x = x_station + b`, found by the same chain as those of the array, without known geometry.
 
 use crate::engine::{
-    Ambiguities, Constraint, Engine, Estimator, PredictedAttitude, Settings, SettingsError, place_body,
+    Ambiguities, Constraint, Engine, Estimator, PredictedAttitude, Settings, SettingsError,
+    place_body,
 };
 use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
@@ -102,7 +103,8 @@ impl Station {
     ) {
         self.epoch.time = epoch.time;
         self.epoch.antennas.resize(epoch.antennas.len() + 1, None);
-        let observed = core::iter::once(Some(observed)).chain(epoch.antennas.iter().map(Option::as_ref));
+        let observed =
+            core::iter::once(Some(observed)).chain(epoch.antennas.iter().map(Option::as_ref));
         for (buffer, antenna) in self.epoch.antennas.iter_mut().zip(observed) {
             match (buffer.as_mut(), antenna) {
                 (Some(buffer), Some(antenna)) => buffer.clone_from(antenna),

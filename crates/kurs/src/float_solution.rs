@@ -126,7 +126,11 @@ impl Fit {
     /// redundancy.
     #[must_use]
     pub fn unit_weight(&self) -> f64 {
-        if self.degrees_of_freedom == 0 { 0.0 } else { (self.sum / self.degrees_of_freedom as f64).sqrt() }
+        if self.degrees_of_freedom == 0 {
+            0.0
+        } else {
+            (self.sum / self.degrees_of_freedom as f64).sqrt()
+        }
     }
 }
 
@@ -406,9 +410,8 @@ impl FloatSolution {
     /// those that code alone gives.
     #[must_use]
     pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
-        let of_group = |codes: &Codes| {
-            (&codes.misclosure - &codes.design * correction_m).norm_squared()
-        };
+        let of_group =
+            |codes: &Codes| (&codes.misclosure - &codes.design * correction_m).norm_squared();
         let sum: f64 = self.codes.iter().map(of_group).sum();
         if self.without_code { 0.0 } else { (sum - self.code_fit.sum).max(0.0) }
     }
@@ -453,10 +456,7 @@ impl FloatSolution {
         Some(Conditional {
             correction_m,
             covariance_m2,
-            phase_fit: Fit {
-                sum: phase_sum,
-                degrees_of_freedom: first.saturating_sub(unknowns),
-            },
+            phase_fit: Fit { sum: phase_sum, degrees_of_freedom: first.saturating_sub(unknowns) },
             residual_rms_m: (residual_squares / first.max(1) as f64).sqrt(),
         })
     }
@@ -522,7 +522,8 @@ fn spread(
             *sums[*edge].get_or_insert(0.0) += sign * weight;
         }
     }
-    let found = sums.iter().enumerate().filter_map(|(edge, sum)| Some((first_link + edge, (*sum)?)));
+    let found =
+        sums.iter().enumerate().filter_map(|(edge, sum)| Some((first_link + edge, (*sum)?)));
     links.extend(found);
 }
 

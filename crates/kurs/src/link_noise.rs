@@ -92,8 +92,7 @@ impl LinkNoise {
     pub fn apply(&mut self, links: &mut [Link], groups: &[Range<usize>], common: Common) {
         for group in groups {
             self.learn(&links[group.clone()]);
-            for of_satellite in
-                links[group.clone()].chunk_by_mut(|a, b| a.satellite == b.satellite)
+            for of_satellite in links[group.clone()].chunk_by_mut(|a, b| a.satellite == b.satellite)
             {
                 self.look_for_edges(of_satellite);
             }

@@ -88,9 +88,8 @@ impl Estimator {
         // Phases of one arc are counted from the same whole cycle in all its epochs.
         if let Some(memory) = &self.recursive {
             let continuity = &self.continuity;
-            memory.align(links, |link| {
-                continuity.number(link.antenna, link.satellite, link.signal)
-            });
+            memory
+                .align(links, |link| continuity.number(link.antenna, link.satellite, link.signal));
         }
     }
 

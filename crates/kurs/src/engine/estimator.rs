@@ -355,5 +355,4 @@ impl Estimator {
     pub(super) fn is_code_only(&self) -> bool {
         self.settings.ambiguities == Ambiguities::CodeOnly
     }
-
 }

@@ -108,7 +108,8 @@ pub(super) fn select(
     if located.len() < 2 {
         return Err(idle.last().map_or(Reason::FewAntennas, |(_, reason)| *reason));
     }
-    let mut leave_out = |located: &mut Vec<Located>, reason: &dyn Fn(&Located) -> Option<Reason>| {
+    let mut leave_out = |located: &mut Vec<Located>,
+                         reason: &dyn Fn(&Located) -> Option<Reason>| {
         let mut index = 0;
         located.retain(|one| {
             let reason = reason(one).filter(|_| !(is_pinned && index == 0));

@@ -30,8 +30,8 @@ mod subset;
 mod witness;
 
 pub(crate) use estimator::Estimator;
-pub(crate) use row::place_body;
 pub use predicted_attitude::PredictedAttitude;
+pub(crate) use row::place_body;
 pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use crate::antenna_calibration::MountedAntenna;

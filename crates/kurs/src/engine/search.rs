@@ -14,8 +14,8 @@ use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
 
-use super::code_free::CodeFree;
 use super::acceptance::Known;
+use super::code_free::CodeFree;
 use super::likelihood::Likelihood;
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
@@ -220,7 +220,11 @@ impl Searches {
 
     /// Lengths of several baselines are searched each by itself, and lose what ties them together: what is
     /// sure without them stays so.
-    fn lengths_or_free(&mut self, problem: &Problem, array: &AntennaArray) -> Result<Found, Reason> {
+    fn lengths_or_free(
+        &mut self,
+        problem: &Problem,
+        array: &AntennaArray,
+    ) -> Result<Found, Reason> {
         let lengths = self.with_lengths(problem, array);
         let sure = |found: &Found| found.rivals <= problem.rate && found.closes;
         if problem.float.rovers.len() < 2 || lengths.as_ref().is_ok_and(sure) {

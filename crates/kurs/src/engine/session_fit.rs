@@ -46,7 +46,8 @@ impl SessionFit {
     /// Probability that the known geometry is wrong: each independent epoch whose integers fit leaves a tenth
     /// of it, as wrong geometry makes the cheapest candidate cost about twice its degrees of freedom.
     pub(super) fn doubt(&self) -> f64 {
-        let excess = (self.sum - self.degrees_of_freedom) / (2.0 * self.degrees_of_freedom).max(1.0).sqrt();
+        let excess =
+            (self.sum - self.degrees_of_freedom) / (2.0 * self.degrees_of_freedom).max(1.0).sqrt();
         let evidence = (self.epochs - excess.max(0.0)).max(0.0);
         let doubt = PRIOR_DOUBT * 10f64.powf(-evidence);
         if doubt < MIN_DOUBT { 0.0 } else { doubt }
