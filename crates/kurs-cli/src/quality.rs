@@ -92,7 +92,9 @@ mod tests {
                 pitch_rad: Some(0.0),
                 roll_rad: None,
                 covariance_rad2: Matrix3::identity() * sd_rad * sd_rad,
+                installation_rad2: Matrix3::zeros(),
                 ned_from_body: None,
+                line_elevation_rad: None,
             };
             let mut row = EpochSolution::lost(first + f64::from(k), Reason::Ratio);
             (row.status, row.reason, row.attitude) = (Status::Fixed, None, Some(attitude));

@@ -91,6 +91,7 @@ mod tests {
             reason: "",
             angles_deg: [(status == Status::Fixed).then_some(1.0); 3],
             sd_deg: [0.0; 3],
+            rates: [None; 3],
             truth_deg: None,
             satellites: 0,
             success_rate: None,
