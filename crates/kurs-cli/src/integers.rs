@@ -187,10 +187,7 @@ mod tests {
         let rows = [
             row([0.5, 0.4].map(|p| check(Reason::Length, p)).to_vec(), None),
             idle,
-            row(
-                vec![check(Reason::Tilt, 1.0)],
-                Some(LeftOut::Link { antenna: 1, satellite }),
-            ),
+            row(vec![check(Reason::Tilt, 1.0)], Some(LeftOut::Link { antenna: 1, satellite })),
         ];
         let counted = Integers::of(&rows, &names);
         assert_eq!(

@@ -302,6 +302,7 @@ mod tests {
                 &(Matrix3::identity() * 1e-6),
             )),
             position: Some(PositionEstimate {
+                antenna: Some(0),
                 geodetic,
                 position_m: geodetic.to_ecef(),
                 covariance_m2: Matrix3::new(4.0, 1.5, 0.0, 1.5, 4.0, 0.0, 0.0, 0.0, 9.0),

@@ -32,8 +32,7 @@ const RATE_TOLERANCE_S: f64 = 0.002;
 
 /// Makes the bytes of a message from a row and the rates of its angles; nothing where the profile has
 /// nothing to say.
-pub type Encode =
-    Arc<dyn Fn(&EpochSolution, &AngleRates, &Times) -> Option<Vec<u8>> + Send + Sync>;
+pub type Encode = Arc<dyn Fn(&EpochSolution, &AngleRates, &Times) -> Option<Vec<u8>> + Send + Sync>;
 
 /// An output as configured.
 #[derive(Clone)]

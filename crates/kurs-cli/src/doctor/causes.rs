@@ -76,9 +76,10 @@ impl Patient<'_> {
                 code: "bad_band",
                 cause: format!("the phases of band {band} do not fit the others"),
                 evidence: format!("{:.1} % of the epochs are fixed without it only", 100.0 * share),
-                advice: "leave it out of `bands`; look for interference, and at the firmware of the \
+                advice:
+                    "leave it out of `bands`; look for interference, and at the firmware of the \
                          receivers"
-                    .into(),
+                        .into(),
             });
         }
         let antennas = 0..self.names.len();

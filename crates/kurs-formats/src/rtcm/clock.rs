@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     fn header(system: System, epoch_time: u64) -> ObservationHeader {
-        ObservationHeader { system, epoch_time, station: 0 }
+        ObservationHeader { system, epoch_time, station: 0, more_follows: false }
     }
 
     #[test]
