@@ -1,16 +1,16 @@
 #!/bin/sh
 # Latency, losses, processor time and memory of `kurs live` on simulated streams:
 #   bench/live.sh [SECONDS] [HZ]          (600 s at 20 Hz if nothing is said)
-# Four antennas, GPS, Galileo and BeiDou on two bands, UBX over TCP. Needs `cargo build --release`, curl.
+# Four antennas, GPS, Galileo and BeiDou on two bands, UBX over TCP. Needs `cargo build --release`, curl, socat.
 set -eu
 seconds=${1:-600} hz=${2:-20} port=${PORT:-17400}
 kurs=${KURS:-target/release/kurs}
-folder=$(mktemp -d)
-trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$folder"' EXIT
+folder=$(mktemp -d) service= simulator=
+trap 'kill $service $simulator 2>/dev/null || true; rm -rf "$folder"' EXIT
 
 cat > "$folder/scenario.toml" <<END
 seed = 11
-start = "2024-06-24T12:00:00"
+start = "2024-03-10T12:00:00"
 duration_s = $seconds.0
 interval_s = $(awk "BEGIN { print 1 / $hz }")
 signals = ["G1C", "G2L", "E1C", "E5Q", "C2I", "C7I"]
@@ -37,7 +37,7 @@ sleep 1
 "$kurs" live "$folder/live.toml" --out "$folder/rows" --quiet &
 service=$!
 sleep 2
-tail -f /dev/null | curl -sN "telnet://127.0.0.1:$((port + 11))" > "$folder/messages.jsonl" &
+socat -u "TCP:127.0.0.1:$((port + 11))" "CREATE:$folder/messages.jsonl" 2>/dev/null &
 resident() { awk '/VmRSS/ { print $2 }' /proc/$service/status; }
 sleep $((seconds / 2))
 half=$(resident)
@@ -50,9 +50,9 @@ kill -TERM $service
 wait $service || true
 
 rows=$(cat "$folder"/rows/*/attitude.csv | grep -vc time_gpst)
-fixed=$(cat "$folder"/rows/*/attitude.csv | grep -c ',fixed,')
+fixed=$(cat "$folder"/rows/*/attitude.csv | grep -c ',fixed,' || true)
 echo "rows $rows of $((seconds * hz + 1)), fixed $fixed, messages $(wc -l < "$folder/messages.jsonl")"
-grep -E 'kurs_stream_late_total\{|kurs_messages_expired_total |kurs_rows_unwritten_total ' "$folder/metrics" | tr '\n' ' '
+grep -E '^kurs_stream_late_total\{|^kurs_messages_expired_total |^kurs_rows_unwritten_total ' "$folder/metrics" | tr '\n' ' '
 echo
 awk '/^kurs_latency_seconds_bucket/ { split($0, part, "\""); bound[++n] = part[2]; below[n] = $2 }
     END { total = below[n]; for (share = 0.5; share < 1; share = share == 0.5 ? 0.99 : share == 0.99 ? 0.999 : 2)
