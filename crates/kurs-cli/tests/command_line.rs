@@ -382,6 +382,7 @@ fn reports_say_what_they_are_made_from() {
         concat!("kurs ", env!("CARGO_PKG_VERSION")),
         "\"type\":\"date\"",
         "class=\"plot time\"",
+        "Heading rate, degrees/s",
         "\\u003cb\\u003e▲",
     ] {
         let found = page.contains(wanted)

@@ -109,8 +109,18 @@ fn a_good_session_has_no_findings() {
 
 #[test]
 fn a_wrong_position() {
+    let folder = TempDir::new().unwrap();
     let configuration = replaced("position_m = [0.9,", "position_m = [0.94,");
-    named("wrong_geometry", 101, &Fault { configuration, ..Fault::default() });
+    let fault = Fault { configuration, ..Fault::default() };
+    assert_eq!(of_session(folder.path(), 101, &fault), ["wrong_geometry"]);
+    let text = fs::read_to_string(folder.path().join("out/doctor.json")).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let failed = file["checks"].as_array().unwrap();
+    assert!(!failed.is_empty(), "{text}");
+    for check in failed {
+        assert!(check["failed"].as_u64() <= check["epochs"].as_u64(), "{check}");
+        assert!(check["p_value"].as_f64() < check["level"].as_f64(), "{check}");
+    }
 }
 
 #[test]
