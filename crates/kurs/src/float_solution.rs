@@ -80,6 +80,8 @@ pub struct FloatSolution {
     phases: Vec<Phases>,
     memory: Option<Memory>,
     without_code: bool,
+    /// Components of the baselines that were told from outside.
+    informed: usize,
 }
 
 /// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
@@ -234,6 +236,7 @@ impl FloatSolution {
             phases,
             memory: None,
             without_code: false,
+            informed: 0,
         };
         float.solve_ambiguities();
         Ok(float)
@@ -300,6 +303,12 @@ impl FloatSolution {
         float.code_fit = Fit::default();
         float.solve_ambiguities();
         float
+    }
+
+    /// Number of components of the baselines that were told from outside ([`informed`](Self::informed)).
+    #[must_use]
+    pub fn told_components(&self) -> usize {
+        self.informed
     }
 
     /// Whether this is such a solution.

@@ -24,7 +24,7 @@ use super::witness::Testimony;
 /// A hundredth of the share of epochs that any user notices as missing, one in a thousand, for each of ten
 /// checks: with ten times as many alarms single epochs get lost, with a tenth arrays wrong by some
 /// centimetres get through a few rows more.
-pub(super) const FALSE_ALARM: f64 = 1e-5;
+const FALSE_ALARM: f64 = 1e-5;
 /// Baselines that stay less certain than this, although the integers are known, have a geometry so poor that
 /// other integers fit as well, m.
 const MAX_FIXED_SD_M: f64 = 0.3;
@@ -151,38 +151,32 @@ impl Checks {
         }
     }
 
-    /// How well the best integers of the recent epochs fit: what they are constrained by may be wrong.
-    pub(super) fn of_session_fit((fit, p_value): (Fit, f64), settings: &Settings) -> Self {
-        Self(vec![Check {
-            reason: misfit_reason(settings),
+    /// The recent epochs together: how well their best integers fit, and the mean shape of the array. If one of
+    /// them tells that what is known of the array is wrong, no epoch is to be believed.
+    pub(super) fn of_session(
+        (fit, fit_p_value): (Fit, f64),
+        (shape, shape_p_value): (Fit, f64),
+        shape_level: f64,
+        settings: &Settings,
+    ) -> Self {
+        let check = |reason, fit: Fit, p_value, level| Check {
+            reason,
             statistic: fit.sum,
             degrees_of_freedom: fit.degrees_of_freedom,
             p_value,
-            level: FALSE_ALARM,
-        }])
+            level,
+        };
+        Self(vec![
+            check(misfit_reason(settings), fit, fit_p_value, FALSE_ALARM),
+            check(Reason::Geometry, shape, shape_p_value, shape_level),
+        ])
     }
 
-    /// The epochs before: the mean shape of the array, and whether their integers agree.
-    pub(super) fn of_session(
-        &mut self,
-        (shape, p_value): (Fit, f64),
-        shape_level: f64,
-        testimony: Option<Testimony>,
-        is_strong: bool,
-    ) {
-        self.0.push(Check {
-            reason: Reason::Geometry,
-            statistic: shape.sum,
-            degrees_of_freedom: shape.degrees_of_freedom,
-            p_value,
-            level: shape_level,
-        });
-        if let Some(testimony) = testimony {
-            let agrees = testimony != Testimony::Contradicts;
-            self.demand(Reason::Contradiction, 0.0, agrees);
-            let proven = is_strong || testimony == Testimony::Agrees;
-            self.demand(Reason::Unproven, 0.0, proven);
-        }
+    /// Whether the accepted integers of the epochs before agree.
+    pub(super) fn of_witness(&mut self, testimony: Testimony, is_strong: bool) {
+        self.demand(Reason::Contradiction, 0.0, testimony != Testimony::Contradicts);
+        let proven = is_strong || testimony == Testimony::Agrees;
+        self.demand(Reason::Unproven, 0.0, proven);
     }
 
     /// An attitude that was predicted from outside.

@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 use crate::float_solution::Fit;
 use crate::time::GpsTime;
 
-use super::acceptance::{FALSE_ALARM, Scale};
+use super::acceptance::Scale;
 
 /// Time in which what was learnt fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
 const FADING_S: f64 = 300.0;
@@ -34,7 +34,9 @@ const PERSISTENCE_DEGREES: f64 = 6.0;
 const MAX_SQUARE: f64 = 40.0;
 
 /// Share of sessions whose right array is doubted at first.
-const SESSION_ALARM: f64 = 1e-3;
+const SESSION_ALARM: f64 = 3e-3;
+/// The same of any later epoch: neighbours share their mean, so that they are few independent trials.
+const MIN_LEVEL: f64 = 1e-4;
 
 /// What one epoch's baselines leave against the known places, in body axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,10 +171,10 @@ impl ArrayMisfit {
         self.shapes.tr_mul(&of_baselines) * &self.shapes
     }
 
-    /// The least probability that is accepted: an array that has not proven itself yet may cost one session in a
-    /// thousand its first rows.
+    /// The least probability that is accepted: an array that has not proven itself yet may cost three sessions in a
+    /// thousand their first rows.
     pub(super) fn level(&self) -> f64 {
-        (SESSION_ALARM / self.seen.max(1) as f64).max(FALSE_ALARM)
+        (SESSION_ALARM / self.seen.max(1) as f64).max(MIN_LEVEL)
     }
 
     /// The mean misfit's square, and its probability if the array is right and the noise level what `scale`

@@ -10,7 +10,7 @@ use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthCandidate;
 use crate::ambiguity::sphere::Length;
 use crate::ambiguity::sphere_search::{PhaseModel, SphereCandidate, all_in_time};
-use crate::float_solution::FloatSolution;
+use crate::float_solution::{Fit, FloatSolution};
 use crate::solution::Reason;
 
 /// Code residuals so many times larger than the session's, root mean square, are of no use.
@@ -25,8 +25,7 @@ const MAX_NODES: usize = 500_000;
 const HORIZON: f64 = 50.0;
 
 /// Whether the code of the epoch contradicts itself too much to be of use.
-pub(super) fn code_is_useless(float: &FloatSolution) -> bool {
-    let fit = float.code_fit;
+pub(super) fn code_is_useless(fit: Fit) -> bool {
     fit.degrees_of_freedom >= MIN_FREEDOM && fit.unit_weight() > USELESS
 }
 

@@ -2,7 +2,7 @@
 
 use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
-use crate::float_solution::{FloatSolution, NoFloat};
+use crate::float_solution::{Fit, FloatSolution, NoFloat};
 use crate::link_noise;
 use crate::observation::ArrayEpoch;
 use crate::solution::{EpochSolution, Reason};
@@ -33,9 +33,9 @@ impl Estimator {
             let groups = difference::group(&mut links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&links));
             match self.float(&mut links, &groups, &frame) {
-                Ok(float) => {
-                    let time = observed.time;
-                    return Ok(Epoch { time, frame, links, groups, float, began_anew: false });
+                Ok((float, code_fit)) => {
+                    let (time, began_anew) = (observed.time, false);
+                    return Ok(Epoch { time, frame, links, groups, float, code_fit, began_anew });
                 }
                 Err(_) => {
                     let weakest = weakest(located, &links, is_pinned);
@@ -93,28 +93,30 @@ impl Estimator {
         }
     }
 
-    /// The float solution with the noise of the session, which learns from its code residuals. Until the
-    /// session is known, those of the epoch itself enter its weights.
+    /// The float solution with the noise of the session, which learns from its code residuals, and how the code
+    /// fits before outliers lose weight. Until the session is known, the epoch's own residuals enter its
+    /// weights.
     fn float(
         &mut self,
         links: &mut [Link],
         groups: &[core::ops::Range<usize>],
         frame: &CommonFrame,
-    ) -> Result<FloatSolution, NoFloat> {
+    ) -> Result<(FloatSolution, Fit), NoFloat> {
         let a_priori: Vec<_> = links.iter().map(|link| link.variances).collect();
         let is_young = self.levels.is_young();
         self.weigh(links, groups);
-        let float = robust_float(links, groups, frame)?;
+        let (float, code_fit) = robust_float(links, groups, frame)?;
         let degrees_of_freedom = float.code_fit.degrees_of_freedom;
         let unknowns = float.correction_m.len();
         let residuals = float.code_residuals(links);
         self.levels.learn_code(links, &residuals, degrees_of_freedom, unknowns);
         if !is_young {
-            return Ok(float);
+            return Ok((float, code_fit));
         }
         links.iter_mut().zip(a_priori).for_each(|(link, variances)| link.variances = variances);
         self.weigh(links, groups);
-        robust_float(links, groups, frame)
+        let (float, _) = robust_float(links, groups, frame)?;
+        Ok((float, code_fit))
     }
 
     /// Variances of the links: levels of the session, edges, common errors of the bands.
@@ -124,21 +126,22 @@ impl Estimator {
     }
 }
 
-/// The float solution in which outliers of the code have little weight.
+/// The float solution in which outliers of the code have little weight, and how the code fits before.
 fn robust_float(
     links: &mut [Link],
     groups: &[core::ops::Range<usize>],
     frame: &CommonFrame,
-) -> Result<FloatSolution, NoFloat> {
+) -> Result<(FloatSolution, Fit), NoFloat> {
     let rovers: Vec<usize> = frame.rovers().collect();
     let mut float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+    let code_fit = float.code_fit;
     for _ in 0..MAX_REWEIGHTINGS {
         if !link_noise::weigh_code_outliers(links, &float.code_residuals(links)) {
             break;
         }
         float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
     }
-    Ok(float)
+    Ok((float, code_fit))
 }
 
 /// The antenna with the fewest links; never a pinned reference.

@@ -274,24 +274,25 @@ impl Estimator {
             };
         }
         let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
-        let mut checks = Checks::of_session_fit(fit, &self.settings);
+        let scale = Scale::with_epoch(self.levels.phase_degrees_of_freedom(), fix.phase_fit());
+        if let Some(misfit) = orientation.misfit.as_ref().filter(|_| fix.is_sure()) {
+            self.array_misfit.take(misfit, epoch.time);
+        }
+        let (shape, level) = (self.array_misfit.judge(scale), self.array_misfit.level());
+        let mut checks = Checks::of_session(fit, shape, level, &self.settings);
         checks.0.extend_from_slice(&fix.checks.0);
         if fix.is_sure() {
-            let scale = Scale::with_epoch(self.levels.phase_degrees_of_freedom(), fix.phase_fit());
             let lengths = self.lengths(&fixed.baselines);
             checks.of_orientation(&lengths, orientation, scale, &self.settings);
-            if let Some(misfit) = &orientation.misfit {
-                self.array_misfit.take(misfit, epoch.time);
-            }
-            let shape = self.array_misfit.judge(scale);
-            let testimony = checks.hold().then(|| self.hear(fixed));
-            let level = self.array_misfit.level();
-            checks.of_session(shape, level, testimony, fix.is_strong());
         }
-        let prediction = fixed.predicted.as_ref().filter(|_| checks.hold());
+        let prediction = fixed.predicted.as_ref().filter(|_| fix.is_sure() && checks.hold());
         let prediction = prediction.map(|p| p.role(&fixed.baselines, fixed.is_decided));
         if let Some(role) = prediction {
             checks.of_prediction(role);
+        }
+        if fix.is_sure() && checks.hold() {
+            let testimony = self.hear(fixed);
+            checks.of_witness(testimony, fix.is_strong() || prediction.is_some());
         }
         let (status, reason) = checks.verdict();
         let reason = match reason {
@@ -312,8 +313,7 @@ impl Estimator {
             cycles: &cycles,
             continuity: &self.continuity,
         };
-        let is_strong = fix.is_strong() || fixed.is_decided;
-        self.witness.hear(&claim, is_strong, self.levels.weight())
+        self.witness.hear(&claim, self.levels.weight(), epoch.time)
     }
 
     /// How far each baseline is from the length that the known array gives it, squared and normalised.

@@ -28,6 +28,8 @@ pub(super) struct Epoch {
     pub(super) links: Vec<Link>,
     pub(super) groups: Vec<Range<usize>>,
     pub(super) float: FloatSolution,
+    /// How the code fits before its outliers lost weight.
+    pub(super) code_fit: Fit,
     /// So many phases slipped that nothing is left of what earlier epochs knew.
     pub(super) began_anew: bool,
 }

@@ -44,7 +44,7 @@ impl Likelihood {
     /// Of the integers of `float`, under a constraint that fixes `constrained` of its coordinates.
     pub(super) fn new(float: &FloatSolution, known: Known, constrained: usize) -> Self {
         let unknowns = float.correction_m.len();
-        let n = float.ambiguities_cycles.len() + constrained;
+        let n = float.ambiguities_cycles.len() + constrained + float.told_components();
         // Phases and code determine the baselines together; beside phases the code hardly counts.
         let phases = if takes_all_as_phase(float) { n } else { n.saturating_sub(unknowns).max(1) };
         let codes = float.code_fit.degrees_of_freedom + unknowns;

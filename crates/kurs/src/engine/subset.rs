@@ -94,12 +94,12 @@ impl Doubted<'_> {
     /// What may be at fault.
     fn suspects(&self, may_leave_code_out: bool) -> Vec<LeftOut> {
         let mut suspects = Vec::new();
-        let Epoch { links, float, .. } = self.epoch;
+        let Epoch { links, code_fit, .. } = self.epoch;
         if self.fix.is_accepted() && !self.fits_badly() {
             return suspects;
         }
         let geometry_is_known = self.settings.constraint != Constraint::None;
-        if geometry_is_known && may_leave_code_out && code_free::code_is_useless(float) {
+        if geometry_is_known && may_leave_code_out && code_free::code_is_useless(*code_fit) {
             suspects.push(LeftOut::Code);
         }
         if links.iter().any(|link| (self.is_unlike)(link)) {

@@ -16,10 +16,14 @@ use std::ops::Range;
 use crate::cycle_slip::Continuity;
 use crate::difference::{Link, combinations};
 use crate::signal::{Satellite, Signal};
+use crate::time::GpsTime;
 
 /// Double differences that two epochs must have in common to testify to each other: three determine a
 /// baseline, the others are free to disagree.
 const MIN_COMMON: usize = 4;
+
+/// Epochs nearer than this share their noise, s: receivers filter over tenths of seconds.
+const MIN_APART_S: f64 = 1.0 - 1e-3;
 
 /// The whole cycles of one link in an accepted epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,8 +57,9 @@ pub(super) enum Testimony {
 pub(super) struct Witness {
     /// Sorted by key.
     held: Vec<Held>,
-    /// Independent epochs that agreed with `held`.
+    /// Independent epochs that agreed with `held`, and since when there was no other.
     agreements: f64,
+    since: GpsTime,
     /// Integers that contradicted it last.
     challenger: Vec<Held>,
 }
@@ -157,22 +162,25 @@ impl Witness {
         lookup(&self.held, link, arc).filter(|_| self.agreements >= 1.0)
     }
 
-    /// Hears the accepted integers of an epoch that is `weight` of an independent one, and takes them in.
-    pub(super) fn hear(&mut self, claim: &Claim, is_strong: bool, weight: f64) -> Testimony {
+    /// Hears the accepted integers of the epoch at `time`, which is `weight` of an independent one, and takes
+    /// them in.
+    pub(super) fn hear(&mut self, claim: &Claim, weight: f64, time: GpsTime) -> Testimony {
         let (testimony, is_one_slip) = claim.testimony(&self.held);
         let now = claim.held();
         match testimony {
             Testimony::Agrees => {
                 self.agreements += weight;
                 self.accept(now);
-                Testimony::Agrees
+                let is_apart = time - self.since >= MIN_APART_S;
+                if is_apart { Testimony::Agrees } else { Testimony::Silent }
             }
             Testimony::Silent => {
-                self.agreements = 0.0;
+                (self.agreements, self.since) = (0.0, time);
                 self.accept(now);
                 Testimony::Silent
             }
-            Testimony::Contradicts if is_one_slip && is_strong => {
+            // The others determine the baselines, and the phase fits to them with its new cycles.
+            Testimony::Contradicts if is_one_slip => {
                 self.accept(now);
                 Testimony::Agrees
             }
@@ -180,8 +188,9 @@ impl Witness {
                 let (with_challenger, _) = claim.testimony(&self.challenger);
                 self.agreements = 0.0;
                 if with_challenger == Testimony::Agrees {
+                    self.since = time;
                     self.accept(now);
-                    return Testimony::Agrees;
+                    return Testimony::Silent;
                 }
                 self.challenger = now;
                 Testimony::Contradicts

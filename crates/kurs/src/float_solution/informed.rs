@@ -49,6 +49,7 @@ impl FloatSolution {
                 + directions * v.solve(&directions.transpose()),
             code_right: &self.code_right + right,
             memory,
+            informed: self.informed + innovation_m.len(),
             ..self.clone()
         })
     }
