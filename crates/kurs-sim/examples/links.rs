@@ -29,9 +29,9 @@ fn main() {
     println!("| C/N0 differs by, dB | recorded | edge | canopy | street | together |");
     println!("|---|---|---|---|---|---|");
     for (class, low_db) in CLASSES_DB.iter().enumerate() {
-        let cells = columns.iter().map(|links| {
-            format!(" {:.2} % of {} |", 100.0 * links.share(class), links.all[class])
-        });
+        let cells = columns
+            .iter()
+            .map(|links| format!(" {:.2} % of {} |", 100.0 * links.share(class), links.all[class]));
         let cells: String = cells.collect();
         println!("| {low_db} and more | {:.1} % |{cells}", 100.0 * RECORDED[class]);
     }

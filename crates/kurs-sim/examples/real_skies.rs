@@ -66,23 +66,35 @@ struct Scene {
 
 const KINDS: &[Kind] = &[
     Kind { name: "G1, 7 satellites, white noise", scene: |seed| few(seed, 7, 0).right() },
-    Kind { name: "G1, 7 satellites, reflections", scene: |seed| reflected(few(seed, 7, 0)).right() },
-    Kind { name: "G1, 6 satellites, reflections", scene: |seed| reflected(few(seed, 6, 0)).right() },
+    Kind {
+        name: "G1, 7 satellites, reflections",
+        scene: |seed| reflected(few(seed, 7, 0)).right(),
+    },
+    Kind {
+        name: "G1, 6 satellites, reflections",
+        scene: |seed| reflected(few(seed, 6, 0)).right(),
+    },
     Kind { name: "G1 E1, 4 + 3, reflections", scene: |seed| reflected(few(seed, 4, 3)).right() },
-    Kind { name: "three antennas, G1, 7, reflections", scene: |seed| {
-        let mut scenario = session(seed, &["G1C"], THIRD);
-        leave_only(&mut scenario, &[(Gps, 7)]);
-        reflected(scenario).right()
-    } },
-    Kind { name: "G1 G2, 7, codes reflected alike", scene: |seed| {
-        let mut scenario = session(seed, &["G1C", "G2L"], "");
-        leave_only(&mut scenario, &[(Gps, 7)]);
-        scenario.multipath.code_sd_m = 3.0;
-        scenario.multipath.phase_sd_m = 0.004;
-        scenario.multipath.correlation_s = correlation_s(seed);
-        scenario.multipath.common_share = 1.0;
-        scenario.right()
-    } },
+    Kind {
+        name: "three antennas, G1, 7, reflections",
+        scene: |seed| {
+            let mut scenario = session(seed, &["G1C"], THIRD);
+            leave_only(&mut scenario, &[(Gps, 7)]);
+            reflected(scenario).right()
+        },
+    },
+    Kind {
+        name: "G1 G2, 7, codes reflected alike",
+        scene: |seed| {
+            let mut scenario = session(seed, &["G1C", "G2L"], "");
+            leave_only(&mut scenario, &[(Gps, 7)]);
+            scenario.multipath.code_sd_m = 3.0;
+            scenario.multipath.phase_sd_m = 0.004;
+            scenario.multipath.correlation_s = correlation_s(seed);
+            scenario.multipath.common_share = 1.0;
+            scenario.right()
+        },
+    },
     Kind { name: "7 satellites, length right", scene: |seed| few(seed, 4, 3).right() },
     Kind { name: "7 satellites, told +19 cm", scene: |seed| few(seed, 4, 3).told_longer(0.1903) },
     Kind { name: "7 satellites, told -19 cm", scene: |seed| few(seed, 4, 3).told_longer(-0.1903) },
@@ -93,29 +105,42 @@ const KINDS: &[Kind] = &[
     Kind { name: "open sky, told -19 cm", scene: |seed| open(seed).told_longer(-0.1903) },
     Kind { name: "open sky, told +5 cm", scene: |seed| open(seed).told_longer(0.05) },
     Kind { name: "open sky, told -5 cm", scene: |seed| open(seed).told_longer(-0.05) },
-    Kind { name: "a fifth half a cycle off", scene: |seed| {
-        let half = |_: &mut Noise| Bias {
-            antenna: "A1".to_owned(),
-            phase_cycles: 0.5,
-            ..Bias::default()
-        };
-        spoilt(open(seed), 0.2, half).right()
-    } },
-    Kind { name: "three ephemerides 1 km off", scene: |seed| {
-        let scenario = session(seed, &["G1C", "G2L"], "");
-        let three = 3.0 / satellites(&scenario).len() as f64;
-        spoilt(scenario, three, |noise| range_error(noise, [60.0, 250.0])).right()
-    } },
-    Kind { name: "a quarter of 7 codes 5-50 m off", scene: |seed| {
-        spoilt(few(seed, 7, 0), 0.25, |noise| range_error(noise, [5.0, 50.0])).right()
-    } },
-    Kind { name: "a quarter of codes 5-50 m off", scene: |seed| {
-        spoilt(open(seed), 0.25, |noise| range_error(noise, [5.0, 50.0])).right()
-    } },
-    Kind { name: "half of the satellites 400 m off", scene: |seed| {
-        let pulled = |_: &mut Noise| Bias { code_m: 400.0, ..Bias::default() };
-        spoilt(open(seed), 0.5, pulled).right()
-    } },
+    Kind {
+        name: "a fifth half a cycle off",
+        scene: |seed| {
+            let half = |_: &mut Noise| Bias {
+                antenna: "A1".to_owned(),
+                phase_cycles: 0.5,
+                ..Bias::default()
+            };
+            spoilt(open(seed), 0.2, half).right()
+        },
+    },
+    Kind {
+        name: "three ephemerides 1 km off",
+        scene: |seed| {
+            let scenario = session(seed, &["G1C", "G2L"], "");
+            let three = 3.0 / satellites(&scenario).len() as f64;
+            spoilt(scenario, three, |noise| range_error(noise, [60.0, 250.0])).right()
+        },
+    },
+    Kind {
+        name: "a quarter of 7 codes 5-50 m off",
+        scene: |seed| {
+            spoilt(few(seed, 7, 0), 0.25, |noise| range_error(noise, [5.0, 50.0])).right()
+        },
+    },
+    Kind {
+        name: "a quarter of codes 5-50 m off",
+        scene: |seed| spoilt(open(seed), 0.25, |noise| range_error(noise, [5.0, 50.0])).right(),
+    },
+    Kind {
+        name: "half of the satellites 400 m off",
+        scene: |seed| {
+            let pulled = |_: &mut Noise| Bias { code_m: 400.0, ..Bias::default() };
+            spoilt(open(seed), 0.5, pulled).right()
+        },
+    },
 ];
 
 /// A session of the pair, with more antennas.
@@ -255,15 +280,19 @@ fn main() {
 fn solve(scene: &Scene, rate: f64) -> [Sum; 2] {
     let alone = scene.settings(rate);
     let mut sums: [Sum; 2] = Default::default();
-    solve_each(scene.scenario.clone(), [alone.clone(), continuous(alone)], |k, truth, row, integers| {
-        let sum = &mut sums[k];
-        sum.figures.take(truth, row, integers);
-        if sum.figures.rows > ROWS_TO_LEARN {
-            sum.later += 1;
-            let word = row.reason.map_or("", |reason| reason.word());
-            sum.array_blamed += usize::from(["length", "geometry"].contains(&word));
-        }
-    });
+    solve_each(
+        scene.scenario.clone(),
+        [alone.clone(), continuous(alone)],
+        |k, truth, row, integers| {
+            let sum = &mut sums[k];
+            sum.figures.take(truth, row, integers);
+            if sum.figures.rows > ROWS_TO_LEARN {
+                sum.later += 1;
+                let word = row.reason.map_or("", |reason| reason.word());
+                sum.array_blamed += usize::from(["length", "geometry"].contains(&word));
+            }
+        },
+    );
     sums
 }
 

@@ -11,9 +11,9 @@ use crate::canopy::{Leaves, Shade};
 use crate::disturbance::Disturbances;
 use crate::noise::{GaussMarkov, Noise};
 use crate::propagation::{Path, ionosphere_m, troposphere_m, wind_up_cycles};
+use crate::received_field::ReceivedField;
 use crate::rotating_arm::Clock;
 use crate::satellite_track::SatelliteTrack;
-use crate::received_field::ReceivedField;
 use crate::scenario::{Canopy, Law, Multipath, Scenario};
 use crate::wall::{self, Wall, WallEffect};
 
@@ -238,8 +238,7 @@ impl Receiver {
         let mut obstruction = Obstruction::default();
         let gain_sd_db = scenario.noise.gain_sd_db;
         if gain_sd_db > 0.0 {
-            obstruction.gain_db =
-                gain_sd_db * link.gain.advance(tag_s, GAIN_CORRELATION_S, noise);
+            obstruction.gain_db = gain_sd_db * link.gain.advance(tag_s, GAIN_CORRELATION_S, noise);
         }
         let effects = reception.walls.iter().map(|wall| wall.effect(&reception.local_m, level));
         obstruction.walls.extend(effects.flatten());
@@ -299,8 +298,7 @@ impl Receiver {
             let lock = Lock(if flagged { Lock::SLIP } else { 0 });
             let reflected_m = channel.reflect(view, reception, common, noise);
             let received = Received { arrival, reflected_m, phase_offset_cycles };
-            let measured =
-                channel.measure(view, reception, name, tracked.signal, &received, noise);
+            let measured = channel.measure(view, reception, name, tracked.signal, &received, noise);
             epoch.observations.push(Observation { lock, ..measured });
         }
     }

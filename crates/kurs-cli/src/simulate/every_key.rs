@@ -493,7 +493,8 @@ fn numbers_have_limits() {
             wrong.push(high + little);
         }
         // The last elements of obstacles are elevations, the others go further round.
-        let is_mixed = ["sky.horizon_deg", "canopy.sky_deg", "body.antenna.mask_deg"].contains(&path.as_str());
+        let is_mixed =
+            ["sky.horizon_deg", "canopy.sky_deg", "body.antenna.mask_deg"].contains(&path.as_str());
         for number in taken {
             for value in assignment.with_numbers(&format!("{number:?}")) {
                 let error = refused(&assignment.set(text, &value));

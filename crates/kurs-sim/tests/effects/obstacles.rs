@@ -25,8 +25,7 @@ fn effect(change: impl Fn(&mut Scenario)) -> (Run, Vec<Change>) {
 /// the phase is late by nearly λ/8 + h²/(2d) on every wavelength, the code not at all.
 #[test]
 fn a_wall_diffracts() {
-    let wall =
-        Wall { from_m: [-500.0, -5.0], to_m: [500.0, -5.0], height_m: 4.0, reflection: 0.0 };
+    let wall = Wall { from_m: [-500.0, -5.0], to_m: [500.0, -5.0], height_m: 4.0, reflection: 0.0 };
     let (run, changes) = effect(|scenario| scenario.wall.push(wall));
     let (mut lit, mut shadowed) = (0, 0);
     for change in changes.iter().filter(|c| c.antenna == 0) {
