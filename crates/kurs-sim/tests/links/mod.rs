@@ -35,8 +35,9 @@ impl Links {
         while let (Some(with), Some(without)) = (with.next(), without.next()) {
             for antenna in 1..with.len() {
                 for key in with[antenna].keys() {
-                    let pair = Link::between(antenna, key, &with, &without);
-                    pair.map(|link| of_pairs.entry(antenna).or_default().push(link));
+                    if let Some(link) = Link::between(antenna, key, &with, &without) {
+                        of_pairs.entry(antenna).or_default().push(link);
+                    }
                 }
             }
         }
