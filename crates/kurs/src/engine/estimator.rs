@@ -313,7 +313,7 @@ impl Estimator {
             cycles: &cycles,
             continuity: &self.continuity,
         };
-        self.witness.hear(&claim, self.levels.weight(), epoch.time)
+        self.witness.hear(&claim, self.levels.weight())
     }
 
     /// How far each baseline is from the length that the known array gives it, squared and normalised.

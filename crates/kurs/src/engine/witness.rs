@@ -16,14 +16,13 @@ use std::ops::Range;
 use crate::cycle_slip::Continuity;
 use crate::difference::{Link, combinations};
 use crate::signal::{Satellite, Signal};
-use crate::time::GpsTime;
 
 /// Double differences that two epochs must have in common to testify to each other: three determine a
 /// baseline, the others are free to disagree.
 const MIN_COMMON: usize = 4;
 
-/// Epochs nearer than this share their noise, s: receivers filter over tenths of seconds.
-const MIN_APART_S: f64 = 1.0 - 1e-3;
+/// Independent epochs that must have agreed before others learn from the integers: ten seconds of them.
+const MIN_AGREEMENTS: f64 = 0.2;
 
 /// The whole cycles of one link in an accepted epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,9 +56,8 @@ pub(super) enum Testimony {
 pub(super) struct Witness {
     /// Sorted by key.
     held: Vec<Held>,
-    /// Independent epochs that agreed with `held`, and since when there was no other.
+    /// Independent epochs that agreed with `held`.
     agreements: f64,
-    since: GpsTime,
     /// Integers that contradicted it last.
     challenger: Vec<Held>,
 }
@@ -159,23 +157,21 @@ impl Witness {
     /// them.
     pub(super) fn proven(&self, link: &Link, continuity: &Continuity) -> Option<f64> {
         let arc = continuity.number(link.antenna, link.satellite, link.signal);
-        lookup(&self.held, link, arc).filter(|_| self.agreements >= 1.0)
+        lookup(&self.held, link, arc).filter(|_| self.agreements >= MIN_AGREEMENTS)
     }
 
-    /// Hears the accepted integers of the epoch at `time`, which is `weight` of an independent one, and takes
-    /// them in.
-    pub(super) fn hear(&mut self, claim: &Claim, weight: f64, time: GpsTime) -> Testimony {
+    /// Hears the accepted integers of an epoch that is `weight` of an independent one, and takes them in.
+    pub(super) fn hear(&mut self, claim: &Claim, weight: f64) -> Testimony {
         let (testimony, is_one_slip) = claim.testimony(&self.held);
         let now = claim.held();
         match testimony {
             Testimony::Agrees => {
                 self.agreements += weight;
                 self.accept(now);
-                let is_apart = time - self.since >= MIN_APART_S;
-                if is_apart { Testimony::Agrees } else { Testimony::Silent }
+                Testimony::Agrees
             }
             Testimony::Silent => {
-                (self.agreements, self.since) = (0.0, time);
+                self.agreements = 0.0;
                 self.accept(now);
                 Testimony::Silent
             }
@@ -188,9 +184,8 @@ impl Witness {
                 let (with_challenger, _) = claim.testimony(&self.challenger);
                 self.agreements = 0.0;
                 if with_challenger == Testimony::Agrees {
-                    self.since = time;
                     self.accept(now);
-                    return Testimony::Silent;
+                    return Testimony::Agrees;
                 }
                 self.challenger = now;
                 Testimony::Contradicts
