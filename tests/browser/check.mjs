@@ -14,7 +14,7 @@ const MOST_BYTES = 8e6;
 const MOST_SECONDS = 9;
 const SCREENS = [
   { name: "desktop", width: 1280, height: 900 },
-  { name: "phone", width: 390, height: 844, isMobile: true, deviceScaleFactor: 2, hasTouch: true },
+  { name: "phone", width: 400, height: 844, isMobile: true, deviceScaleFactor: 2, hasTouch: true },
 ];
 
 const [folder, ...pages] = process.argv.slice(2);
@@ -29,6 +29,24 @@ const drawn = () =>
     height: plot.querySelector("svg.main-svg")?.getBoundingClientRect().height ?? 0,
     marks: plot.querySelectorAll(".scatterlayer path, .barlayer path").length,
   }));
+
+// A part of the time that is chosen in one plot is shown by all plots over time.
+const checkLinkedZoom = async (page, fault) => {
+  const ranges = await page.evaluate(async () => {
+    const timed = [...document.querySelectorAll("div.plot.time")];
+    if (timed.length < 2) return [];
+    const [first, last] = timed[0].layout.xaxis.range.map((end) => +new Date(end));
+    const shown = () => timed.map((plot) => plot.layout.xaxis.range.map((end) => +new Date(end)).join());
+    const settle = () => new Promise((resolve) => setTimeout(resolve, 500));
+    await Plotly.relayout(timed[0], { "xaxis.range": [first + (last - first) / 4, last - (last - first) / 4] });
+    await settle();
+    const zoomed = shown();
+    await Plotly.relayout(timed[0], { "xaxis.autorange": true });
+    await settle();
+    return [zoomed, shown().slice(1)].map((ends) => new Set(ends).size);
+  });
+  if (ranges.some((different) => different !== 1)) fault(`zoom is not linked: ${ranges}`);
+};
 
 for (const path of pages) {
   const name = `${basename(dirname(path))}-${basename(path, ".html")}`;
@@ -58,6 +76,7 @@ for (const path of pages) {
     plots.forEach((plot, k) => {
       if (plot.marks === 0 || plot.height < 100) fault(`plot ${k + 1} is empty`);
     });
+    if (screen === "desktop") await checkLinkedZoom(page, fault);
     const overflow = await page.evaluate("document.documentElement.scrollWidth - window.innerWidth");
     if (overflow > 1) fault(`${overflow} px wider than the screen`);
     await page.screenshot({ path: join(folder, `${name}-${screen}.png`), fullPage: true });

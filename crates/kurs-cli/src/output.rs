@@ -1,17 +1,200 @@
-//! Output files that are never half written: they go to a temporary name and are renamed.
+//! Output files that are never half written: they go to a temporary name and are renamed, and the files
+//! of a long run appear together or not at all.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context;
 use serde::Serialize;
+
+use crate::failure::UsageError;
+
+/// A hidden folder in which a run makes its files: this, and the number of the process.
+const STAGING: &str = ".kurs.part";
+
+/// Files and folders that are there only while they are made.
+static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what is in the making: for an end without the ordinary way out.
+pub(crate) fn abandon() {
+    for path in temporaries().iter() {
+        remove(path);
+    }
+}
+
+/// Removes a file or a folder; after a success there is nothing to remove.
+fn remove(path: &Path) {
+    let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+}
+
+/// A file or folder that is removed when this is dropped, and when the program is told to stop at once.
+#[derive(Debug)]
+pub(crate) struct Temporary(PathBuf);
+
+impl Temporary {
+    /// Of a path that is, or is going to be, there.
+    pub(crate) fn new(path: PathBuf) -> Self {
+        temporaries().insert(path.clone());
+        Self(path)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        remove(&self.0);
+        temporaries().remove(&self.0);
+    }
+}
+
+/// Where the outputs of a run go: a folder, or for `-` one that is gone when its rows are printed.
+#[derive(Debug)]
+pub(crate) struct Destination {
+    path: PathBuf,
+    passing: Option<Temporary>,
+}
+
+impl Destination {
+    /// As `--out` says.
+    pub(crate) fn of(out: &Path) -> anyhow::Result<Self> {
+        if out.as_os_str() != "-" {
+            return Ok(Self { path: out.to_owned(), passing: None });
+        }
+        let path = std::env::temp_dir().join(format!("kurs-out-{}", std::process::id()));
+        fs::create_dir(&path).with_context(|| format!("{}: cannot be made", path.display()))?;
+        Ok(Self { passing: Some(Temporary::new(path.clone())), path })
+    }
+
+    /// The folder.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether rows go to standard output.
+    pub(crate) const fn is_standard_output(&self) -> bool {
+        self.passing.is_some()
+    }
+
+    /// Prints one of the files.
+    pub(crate) fn print(self, name: &str) -> anyhow::Result<()> {
+        let mut file = File::open(self.path.join(name))?;
+        // Before the reader at the other end of the pipe has seen enough, which ends the program.
+        drop(self);
+        io::copy(&mut file, &mut io::stdout().lock())?;
+        Ok(())
+    }
+}
+
+/// The outputs of one run: made in a hidden folder, given their places together by
+/// [`OutputFolder::publish`]. Dropped before that it leaves nothing behind.
+#[derive(Debug)]
+pub(crate) struct OutputFolder {
+    target: PathBuf,
+    staging: Temporary,
+    /// The target was not there before.
+    is_new: bool,
+}
+
+impl OutputFolder {
+    /// Prepares `target`: what an older run of the same command left there, under these names, goes; a
+    /// `*` in a name stands for any letters.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] if one of the inputs would be lost that way.
+    pub(crate) fn begin(target: &Path, names: &[&str], inputs: &[PathBuf]) -> anyhow::Result<Self> {
+        refuse_inputs(target, names, inputs)?;
+        let is_new = !target.exists();
+        let staging = target.join(format!("{STAGING}{}", std::process::id()));
+        let made = fs::create_dir_all(&staging);
+        made.with_context(|| format!("{}: cannot be made", target.display()))?;
+        let staging = Temporary::new(staging);
+        let folder = Self { target: target.to_owned(), staging, is_new };
+        for entry in fs::read_dir(target)?.flatten() {
+            let name = entry.file_name();
+            let Some(name) = name.to_str() else { continue };
+            if is_left_by_a_killed_run(name) {
+                remove(&entry.path());
+            }
+            if is_one_of(name, names) && entry.path().is_file() {
+                fs::remove_file(entry.path())
+                    .with_context(|| format!("{}: cannot be removed", entry.path().display()))?;
+            }
+        }
+        Ok(folder)
+    }
+
+    /// Where the files are to be made.
+    pub(crate) fn path(&self) -> &Path {
+        &self.staging.0
+    }
+
+    /// Gives all files their places.
+    pub(crate) fn publish(self) -> anyhow::Result<()> {
+        for entry in fs::read_dir(self.path())? {
+            let (made, target) = entry.map(|e| (e.path(), self.target.join(e.file_name())))?;
+            fs::rename(&made, &target)
+                .with_context(|| format!("{}: cannot be written", target.display()))?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        remove(self.path());
+        if self.is_new {
+            // Only where it is empty.
+            let _ = fs::remove_dir(&self.target);
+        }
+    }
+}
+
+/// Whether a hidden folder belongs to a process that is no more, which systems tell that have `/proc`.
+fn is_left_by_a_killed_run(name: &str) -> bool {
+    let processes = Path::new("/proc");
+    let process = name.strip_prefix(STAGING).filter(|id| id.parse::<u32>().is_ok());
+    process.is_some_and(|id| processes.join("self").exists() && !processes.join(id).exists())
+}
+
+fn is_one_of(name: &str, patterns: &[&str]) -> bool {
+    patterns.iter().any(|pattern| match pattern.split_once('*') {
+        Some((start, end)) => {
+            name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end)
+        }
+        None => name == *pattern,
+    })
+}
+
+/// An input must not become an output by a slip of the hand.
+fn refuse_inputs(target: &Path, names: &[&str], inputs: &[PathBuf]) -> Result<(), UsageError> {
+    let Ok(target) = target.canonicalize() else { return Ok(()) };
+    for input in inputs {
+        let Ok(place) = input.canonicalize() else { continue };
+        let name = place.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if place.parent() == Some(&target) && is_one_of(name, names) {
+            return Err(UsageError(format!(
+                "{}: this is one of the inputs, and would be overwritten: choose another --out",
+                input.display()
+            )));
+        }
+    }
+    Ok(())
+}
 
 /// A file in the making. Dropped without [`OutputFile::finish`] it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     writer: Option<BufWriter<File>>,
-    temporary: PathBuf,
+    /// After [`OutputFile::finish`] there is none with that name to be removed.
+    /// Its name until it is finished; `None`: it has its own from the start.
+    temporary: Option<Temporary>,
     target: PathBuf,
 }
 
@@ -22,21 +205,53 @@ impl OutputFile {
             .with_context(|| format!("{}: cannot be made", directory.display()))?;
         let target = directory.join(name);
         let temporary = directory.join(format!(".{name}.part{}", std::process::id()));
-        let file = File::create(&temporary)
-            .with_context(|| format!("{}: cannot be written", temporary.display()))?;
-        Ok(Self { writer: Some(BufWriter::with_capacity(1 << 16, file)), temporary, target })
+        let temporary = Temporary::new(temporary);
+        let file = File::create(&temporary.0)
+            .with_context(|| format!("{}: cannot be written", target.display()))?;
+        let writer = Some(BufWriter::with_capacity(1 << 16, file));
+        Ok(Self { writer, temporary: Some(temporary), target })
+    }
+
+    /// Goes on with a file that is there under its own name from the start; part of a line at its end,
+    /// which a run that was killed may have left, goes. `true` if it was there and has anything in it.
+    pub(crate) fn append(directory: &Path, name: &str) -> anyhow::Result<(Self, bool)> {
+        fs::create_dir_all(directory)
+            .with_context(|| format!("{}: cannot be made", directory.display()))?;
+        let target = directory.join(name);
+        let open = || -> io::Result<(File, u64)> {
+            let file = File::options().read(true).append(true).create(true).open(&target)?;
+            let length = whole_lines(&file)?;
+            file.set_len(length)?;
+            Ok((file, length))
+        };
+        let (file, length) =
+            open().with_context(|| format!("{}: cannot be written", target.display()))?;
+        let writer = Some(BufWriter::with_capacity(1 << 16, file));
+        Ok((Self { writer, temporary: None, target }, length > 0))
     }
 
     /// Gives the file its name.
     pub(crate) fn finish(mut self) -> anyhow::Result<()> {
         if let Some(mut writer) = self.writer.take() {
-            writer
-                .flush()
-                .with_context(|| format!("{}: write failed", self.temporary.display()))?;
+            writer.flush().with_context(|| format!("{}: write failed", self.target.display()))?;
         }
-        fs::rename(&self.temporary, &self.target)
+        let Some(temporary) = &self.temporary else { return Ok(()) };
+        fs::rename(&temporary.0, &self.target)
             .with_context(|| format!("{}: cannot be written", self.target.display()))
     }
+}
+
+/// Length of the file without part of a line at its end.
+fn whole_lines(mut file: &File) -> io::Result<u64> {
+    /// Longer than any row.
+    const LAST: u64 = 64 * 1024;
+    let length = file.metadata()?.len();
+    let start = length.saturating_sub(LAST);
+    file.seek(SeekFrom::Start(start))?;
+    let mut end = Vec::new();
+    file.read_to_end(&mut end)?;
+    let whole = end.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+    Ok(start + whole as u64)
 }
 
 /// Writes a value as `directory/name`, indented JSON.
@@ -60,13 +275,6 @@ impl Write for OutputFile {
     }
 }
 
-impl Drop for OutputFile {
-    fn drop(&mut self) {
-        // After `finish` the temporary name is gone and there is nothing to remove.
-        let _ = fs::remove_file(&self.temporary);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -84,5 +292,43 @@ mod tests {
         file.finish().unwrap();
         assert_eq!(fs::read_to_string(folder.path().join("a.csv")).unwrap(), "a row\n");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_files_of_a_run_appear_together_and_old_ones_go() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out");
+        let names = || -> Vec<String> {
+            let entries = fs::read_dir(&target).unwrap();
+            let mut names: Vec<String> =
+                entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+            names.sort();
+            names
+        };
+        let begun = OutputFolder::begin(&target, &["a.csv", "report.html"], &[]).unwrap();
+        drop(begun);
+        assert!(!target.exists(), "nothing is left of a run that failed");
+
+        for old in ["a.csv", "report.html", "mine.txt"] {
+            fs::create_dir_all(&target).unwrap();
+            fs::write(target.join(old), "old").unwrap();
+        }
+        let begun = OutputFolder::begin(&target, &["a.csv", "report.html"], &[]).unwrap();
+        let mut file = OutputFile::create(begun.path(), "a.csv").unwrap();
+        file.write_all(b"new").unwrap();
+        file.finish().unwrap();
+        assert!(!target.join("a.csv").exists(), "not before all are there");
+        begun.publish().unwrap();
+        assert_eq!(names(), ["a.csv", "mine.txt"]);
+        assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "new");
+
+        let error = OutputFolder::begin(&target, &["a.csv"], &[target.join("a.csv")]).unwrap_err();
+        // No process has the largest number.
+        let left = target.join(format!("{STAGING}{}", u32::MAX));
+        fs::create_dir(&left).unwrap();
+        drop(OutputFolder::begin(&target, &[], &[]).unwrap());
+        assert!(cfg!(not(target_os = "linux")) || !left.exists());
+        assert!(error.is::<UsageError>() && error.to_string().contains("one of the inputs"));
+        assert_eq!(names(), ["a.csv", "mine.txt"]);
     }
 }

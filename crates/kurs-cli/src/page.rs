@@ -16,6 +16,7 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     table{border-collapse:collapse;margin:1em 0;display:block;overflow-x:auto}\
     td,th{border:1px solid #ccc;padding:.3em .7em;text-align:left}\
     pre{background:#f4f4f4;padding:.7em;white-space:pre-wrap;overflow-wrap:anywhere;font-size:.85em}\
+    pre.wide{white-space:pre;overflow-x:auto}\
     .tiles{display:flex;flex-wrap:wrap;gap:.7em;margin:1em 0}\
     .tiles div{border:1px solid #ccc;border-radius:.4em;padding:.5em .9em}\
     .tiles b{display:block;font-size:1.4em}.tiles small{color:#555}\
@@ -24,13 +25,26 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     @media print{.plot,.tiles{break-inside:avoid}h2{break-after:avoid}}";
 
 /// Draws the plots that come into view at once and the others one after the other, while nothing else
-/// is to be done or before the page is printed. Fingers zoom without buttons, which would lie on the legend.
+/// is to be done or before the page is printed. A time that is chosen in one plot is shown in all of them. Fingers zoom without buttons, which would lie on the legend.
 const DRAWING: &str = "<script>\
 const waiting=new Set(document.querySelectorAll('div.plot'));\
+const isTimed=plot=>plot.classList.contains('time');\
+let shown=null,isLinking=false;\
 function draw(plot){if(!waiting.delete(plot))return;\
 const {data,layout,config}=JSON.parse(plot.querySelector('script').textContent);\
 config.displayModeBar=matchMedia('(hover:hover)').matches?'hover':false;\
-Plotly.newPlot(plot,data,layout,config);}\
+plot.whole=isTimed(plot)?layout.xaxis.range.slice():null;\
+if(plot.whole&&innerWidth<600)layout.xaxis.nticks=4;\
+if(plot.whole&&shown)layout.xaxis.range=shown.slice();\
+Plotly.newPlot(plot,data,layout,config);\
+if(plot.whole)plot.on('plotly_relayout',change=>link(plot,change));}\
+function link(plot,change){\
+if(isLinking||!Object.keys(change).some(key=>key.startsWith('xaxis.')))return;\
+shown=change['xaxis.autorange']?null:plot.layout.xaxis.range.slice();\
+isLinking=true;\
+const others=[...document.querySelectorAll('div.plot.time')].filter(p=>!waiting.has(p));\
+Promise.all(others.map(p=>Plotly.relayout(p,{'xaxis.range':(shown||p.whole).slice()})))\
+.finally(()=>{isLinking=false;});}\
 const watcher=new IntersectionObserver(seen=>seen.forEach(s=>s.isIntersecting&&draw(s.target)));\
 waiting.forEach(plot=>watcher.observe(plot));\
 function drawNext(){const [plot]=waiting;if(plot){draw(plot);setTimeout(drawNext,20);}}\
@@ -127,15 +141,25 @@ impl Page {
         let _ = writeln!(self.body, "<pre>{}</pre>", escape(text));
     }
 
+    /// Text in columns, which are kept on narrow screens too.
+    pub(crate) fn columns(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<pre class=\"wide\">{}</pre>", escape(text));
+    }
+
     /// A plot over the whole width.
     pub(crate) fn plot(&mut self, plot: &Plot) {
         self.place(plot, "plot", "");
     }
 
-    /// A plot over the whole width, only as high as so many lines.
-    pub(crate) fn plot_of_lines(&mut self, plot: &Plot, lines: usize) {
-        let style = format!(" style=\"height:{}em\"", 7 + 2 * lines);
-        self.place(plot, "plot", &style);
+    /// The same over time: all of these show the same part of it.
+    pub(crate) fn time_plot(&mut self, plot: &Plot) {
+        self.place(plot, "plot time", "");
+    }
+
+    /// The same, only as high as so many lines.
+    pub(crate) fn time_plot_of_lines(&mut self, plot: &Plot, lines: usize) {
+        let style = format!(" style=\"height:{}em\"", 8 + 2 * lines);
+        self.place(plot, "plot time", &style);
     }
 
     /// A plot as high as it is wide.

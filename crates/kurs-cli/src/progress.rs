@@ -1,5 +1,6 @@
 //! How far a long run is: a bar on a terminal, plain lines elsewhere, nothing with `--quiet`.
 
+use std::fmt::Write as _;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -7,13 +8,36 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// Time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Drawing is slower than solving: the clock is looked at only after so many epochs.
+const EPOCHS_BETWEEN_LOOKS: u64 = 64;
+/// A rest of the work is told from this share of it on; before, it would be a guess.
+const MIN_SHARE_FOR_REST: f64 = 0.01;
+/// Parts of the bar.
+const PARTS: u64 = 1000;
+
+/// The words of a command for what it does.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Work {
+    /// What is done with an epoch: `solved`.
+    pub(crate) done: &'static str,
+    /// What is counted among the epochs: `fixed`.
+    pub(crate) counted: Option<&'static str>,
+}
+
+impl Work {
+    pub(crate) const SOLVE: Self = Self { done: "solved", counted: Some("fixed") };
+    pub(crate) const SURVEY: Self = Self { done: "surveyed", counted: Some("fixed") };
+    pub(crate) const ORIENT: Self = Self { done: "oriented", counted: Some("fixed") };
+    pub(crate) const SIMULATE: Self = Self { done: "simulated", counted: None };
+}
 
 /// Progress of a run over epochs.
 pub(crate) struct Progress {
     kind: Kind,
+    work: Work,
     started: Instant,
     epochs: u64,
-    fixed: u64,
+    counted: u64,
 }
 
 enum Kind {
@@ -23,38 +47,40 @@ enum Kind {
 }
 
 impl Progress {
-    /// Starts it; `bytes` is the size of all input, by which the rest is estimated.
-    pub(crate) fn start(quiet: bool) -> Self {
+    /// Starts it.
+    pub(crate) fn start(quiet: bool, work: Work) -> Self {
         let kind = if quiet {
             Kind::Quiet
         } else if std::io::stderr().is_terminal() {
-            let bar = ProgressBar::new_spinner();
-            let style = ProgressStyle::with_template("{spinner} {pos} epochs, {per_sec}, {msg}");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+            let bar = ProgressBar::new(PARTS);
+            let style = ProgressStyle::with_template("{bar:24} {msg}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             Kind::Bar(bar)
         } else {
             Kind::Lines { last: Instant::now() }
         };
-        Self { kind, started: Instant::now(), epochs: 0, fixed: 0 }
+        Self { kind, work, started: Instant::now(), epochs: 0, counted: 0 }
     }
 
-    /// One more epoch.
-    pub(crate) fn epoch(&mut self, fixed: bool) {
+    /// One more epoch; `share`: how much of the work is done, 0 to 1, where that is known.
+    pub(crate) fn epoch(&mut self, is_counted: bool, share: impl FnOnce() -> Option<f64>) {
         self.epochs += 1;
-        self.fixed += u64::from(fixed);
-        let rate = 100.0 * self.fixed as f64 / self.epochs as f64;
+        self.counted += u64::from(is_counted);
+        if !self.epochs.is_multiple_of(EPOCHS_BETWEEN_LOOKS) {
+            return;
+        }
+        let elapsed_s = self.started.elapsed().as_secs_f64();
         match &mut self.kind {
             Kind::Quiet => {}
-            // Drawing is slower than solving: look at the clock only now and then.
-            _ if !self.epochs.is_multiple_of(64) => {}
             Kind::Bar(bar) => {
-                bar.set_message(format!("{rate:.1} % fixed"));
-                bar.set_position(self.epochs);
+                let share = share();
+                bar.set_message(text(self.work, self.epochs, self.counted, share, elapsed_s));
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 1000
+                bar.set_position((share.unwrap_or(0.0) * PARTS as f64) as u64);
             }
             Kind::Lines { last } if last.elapsed() >= LINE_EVERY => {
                 *last = Instant::now();
-                let per_s = self.epochs as f64 / self.started.elapsed().as_secs_f64();
-                eprintln!("{} epochs, {per_s:.0} epochs/s, {rate:.1} % fixed", self.epochs);
+                eprintln!("{}", text(self.work, self.epochs, self.counted, share(), elapsed_s));
             }
             Kind::Lines { .. } => {}
         }
@@ -66,5 +92,49 @@ impl Progress {
             bar.finish_and_clear();
         }
         self.started.elapsed().as_secs_f64()
+    }
+}
+
+/// `42 %, 1200 epochs solved, 300 epochs/s, 99.1 % fixed, 2 min left`
+fn text(work: Work, epochs: u64, counted: u64, share: Option<f64>, elapsed_s: f64) -> String {
+    let mut text = share.map_or_else(String::new, |share| format!("{:.0} %, ", 100.0 * share));
+    let per_s = epochs as f64 / elapsed_s.max(1e-9);
+    let _ = write!(text, "{epochs} epochs {}, {per_s:.0} epochs/s", work.done);
+    if let Some(word) = work.counted {
+        let _ = write!(text, ", {:.1} % {word}", 100.0 * counted as f64 / epochs as f64);
+    }
+    if let Some(share) = share.filter(|share| *share >= MIN_SHARE_FOR_REST) {
+        let _ = write!(text, ", {} left", duration(elapsed_s * (1.0 - share) / share));
+    }
+    text
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_fit_the_command_and_the_rest_is_told_when_it_is_known() {
+        assert_eq!(
+            text(Work::SOLVE, 1280, 1270, Some(0.25), 4.0),
+            "25 %, 1280 epochs solved, 320 epochs/s, 99.2 % fixed, 12 s left"
+        );
+        assert_eq!(
+            text(Work::SIMULATE, 640, 0, Some(0.001), 2.0),
+            "0 %, 640 epochs simulated, 320 epochs/s"
+        );
+        assert_eq!(
+            text(Work::SURVEY, 640, 320, None, 2.0),
+            "640 epochs surveyed, 320 epochs/s, 50.0 % fixed"
+        );
+        assert_eq!([20.0, 600.0, 9000.0].map(duration), ["20 s", "10 min", "2.5 h"]);
     }
 }

@@ -8,8 +8,13 @@ use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Reason, 
 use kurs::time::GpsTime;
 use serde::Serialize;
 
+use crate::quality::Quality;
+use crate::session_span::SessionSpan;
+
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
 const COMPONENTS: [&str; 4] = ["east_m", "north_m", "up_m", "length_m"];
+/// Headings that spread further have no mean: the body turned.
+const MAX_HEADING_SPREAD_DEG: f64 = 30.0;
 
 /// Counts and statistics, gathered row by row.
 #[derive(Debug)]
@@ -18,13 +23,18 @@ pub(crate) struct Summary {
     epochs: u64,
     by_status: BTreeMap<Status, u64>,
     by_reason: BTreeMap<Reason, u64>,
+    span: SessionSpan,
+    /// Rows that had enough input to be fixed, and what they had, in words.
     capable: u64,
-    first: Option<GpsTime>,
+    capable_means: &'static str,
     first_fix: Option<GpsTime>,
+    is_interrupted: bool,
+    quality: Quality,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
     /// Sum of the variances that the survey of the antennas causes in each angle, rad².
     installation_rad2: [f64; 3],
+    turned: MeanDirection,
     /// Of [`COMPONENTS`], by the antennas at the ends.
     baselines: BTreeMap<(usize, usize), [Moments; 4]>,
 }
@@ -51,12 +61,26 @@ impl fmt::Display for Damage {
 }
 
 /// Mean and standard deviation by Welford's recursion; angles around a full turn are unwrapped
-/// against the first value.
+/// against the mean so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct Moments {
     count: f64,
     mean: f64,
     squares: f64,
+}
+
+/// Sum of unit vectors towards the headings.
+#[derive(Debug, Clone, Copy, Default)]
+struct MeanDirection {
+    north: f64,
+    east: f64,
+}
+
+/// Name, mean (`None` where there is none that means anything) and standard deviation.
+struct Moment {
+    name: String,
+    mean: Option<f64>,
+    std: f64,
 }
 
 /// The file as written.
@@ -70,14 +94,16 @@ pub(crate) struct SummaryFile<'a> {
     lost: u64,
     inconsistent: u64,
     not_capable: u64,
-    fix_rate: Option<f64>,
+    fixed_of_session: Option<f64>,
+    fixed_of_capable: Option<f64>,
     time_to_first_fix_s: Option<f64>,
-    mean: BTreeMap<String, f64>,
+    mean: BTreeMap<String, Option<f64>>,
     std: BTreeMap<String, f64>,
     reasons: BTreeMap<&'static str, u64>,
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
+    interrupted: bool,
     installation_sd_deg: InstallationSd,
 }
 
@@ -97,23 +123,39 @@ impl Summary {
             epochs: 0,
             by_status: BTreeMap::new(),
             by_reason: BTreeMap::new(),
+            span: SessionSpan::default(),
             capable: 0,
-            first: None,
+            capable_means: "in which two antennas share four satellites",
             first_fix: None,
+            is_interrupted: false,
+            quality: Quality::default(),
             angles: Default::default(),
             installation_rad2: [0.0; 3],
+            turned: MeanDirection::default(),
             baselines: BTreeMap::new(),
         }
+    }
+
+    /// The run ended before its input.
+    pub(crate) fn interrupt(&mut self) {
+        self.is_interrupted = true;
+    }
+
+    /// The same where a row needs something else to be fixed: "epochs …".
+    pub(crate) fn with_capable(mut self, means: &'static str) -> Self {
+        self.capable_means = means;
+        self
     }
 
     /// Takes one row into account; `capable`: it had enough input to be fixed.
     pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool) {
         self.epochs += 1;
+        self.quality.add(row);
         *self.by_status.entry(row.status).or_default() += 1;
         if let Some(reason) = row.reason {
             *self.by_reason.entry(reason).or_default() += 1;
         }
-        self.first.get_or_insert(row.time);
+        self.span.add(row.time);
         self.capable += u64::from(capable);
         if row.status != Status::Fixed {
             return;
@@ -126,6 +168,9 @@ impl Summary {
     }
 
     fn add_angles(&mut self, attitude: &AttitudeEstimate) {
+        if let Some(heading_rad) = attitude.heading_rad {
+            self.turned.add(heading_rad);
+        }
         for (k, angle) in attitude.angles_rad().into_iter().enumerate() {
             if let Some(angle) = angle {
                 self.angles[k].add_angle_deg(angle.to_degrees());
@@ -150,14 +195,22 @@ impl Summary {
         moments.iter_mut().zip(components).for_each(|(moments, value)| moments.add(value));
     }
 
-    /// Name and moments of everything that has a value, by name.
-    fn moments(&self) -> BTreeMap<String, Moments> {
+    /// Everything that has a value, by name.
+    fn moments(&self) -> Vec<Moment> {
         let angles = ANGLES.iter().zip(self.angles).map(|(name, m)| ((*name).to_owned(), m));
         let baselines = self.baselines.iter().flat_map(|((base, rover), moments)| {
             let pair = format!("{}-{}", self.antennas[*base], self.antennas[*rover]);
             COMPONENTS.iter().zip(moments).map(move |(name, m)| (format!("{pair} {name}"), *m))
         });
-        angles.chain(baselines).filter(|(_, moments)| moments.count > 0.0).collect()
+        let known = angles.chain(baselines).filter(|(_, moments)| moments.count > 0.0);
+        let mean = |name: &str, m: &Moments| match name {
+            "heading_deg" => self.turned.mean_deg().filter(|_| m.std() <= MAX_HEADING_SPREAD_DEG),
+            _ => Some(m.mean),
+        };
+        let mut all: Vec<Moment> =
+            known.map(|(name, m)| Moment { mean: mean(&name, &m), std: m.std(), name }).collect();
+        all.sort_by(|a, b| a.name.cmp(&b.name));
+        all
     }
 
     /// Counts by the word of the reason.
@@ -190,9 +243,23 @@ impl Summary {
         self.reasons().into_iter().max_by_key(|(_, count)| *count).map(|(word, _)| word)
     }
 
-    /// Fixed rows over rows in which two antennas share at least four satellites.
-    pub(crate) fn fix_rate(&self) -> Option<f64> {
+    /// Fixed rows over the epochs of the session's span at its interval, gaps included.
+    pub(crate) fn fixed_of_session(&self) -> Option<f64> {
+        let epochs = self.span.epochs();
+        (epochs > 0).then(|| self.fixed() as f64 / epochs as f64)
+    }
+
+    /// Fixed rows over the rows that had enough input to be fixed.
+    pub(crate) fn fixed_of_capable(&self) -> Option<f64> {
         (self.capable > 0).then(|| self.fixed() as f64 / self.capable as f64)
+    }
+
+    /// Both shares of fixed rows, each with the number of epochs that it is a share of.
+    fn shares(&self) -> [(&'static str, Option<f64>, u64); 2] {
+        [
+            ("fixed of the session", self.fixed_of_session(), self.span.epochs()),
+            ("fixed of the usable epochs", self.fixed_of_capable(), self.capable),
+        ]
     }
 
     /// Everything for the file.
@@ -214,14 +281,19 @@ impl Summary {
             lost: self.count(Status::Lost),
             inconsistent: self.count(Status::Inconsistent),
             not_capable: self.count(Status::NotCapable),
-            fix_rate: self.fix_rate(),
-            time_to_first_fix_s: self.first_fix.zip(self.first).map(|(fix, first)| fix - first),
-            mean: moments.iter().map(|(name, m)| (name.clone(), m.mean(name))).collect(),
-            std: moments.iter().map(|(name, m)| (name.clone(), m.std())).collect(),
+            fixed_of_session: self.fixed_of_session(),
+            fixed_of_capable: self.fixed_of_capable(),
+            time_to_first_fix_s: self
+                .first_fix
+                .zip(self.span.first())
+                .map(|(fix, first)| fix - first),
+            mean: moments.iter().map(|m| (m.name.clone(), m.mean)).collect(),
+            std: moments.iter().map(|m| (m.name.clone(), m.std)).collect(),
             reasons: self.reasons(),
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
+            interrupted: self.is_interrupted,
             installation_sd_deg: self.installation_sd_deg(),
         }
     }
@@ -234,17 +306,22 @@ impl Summary {
                 rows.push([status.word().to_owned(), self.count(status).to_string()]);
             }
         }
-        if let Some(rate) = self.fix_rate() {
-            rows.push(["fix rate".to_owned(), format!("{:.2} %", 100.0 * rate)]);
+        if self.span.missing() > 0 {
+            rows.push(["in gaps".to_owned(), self.span.missing().to_string()]);
+        }
+        for (name, share, of) in self.shares() {
+            if let Some(share) = share {
+                rows.push([name.to_owned(), format!("{:.2} % of {of}", 100.0 * share)]);
+            }
         }
         rows
     }
 
     /// Name, mean and standard deviation of everything that has a value.
     pub(crate) fn means(&self) -> Vec<[String; 3]> {
-        let row = |(name, m): (String, Moments)| {
-            let (mean, std) = (m.mean(&name), m.std());
-            [name, format!("{mean:.4}"), format!("{std:.4}")]
+        let row = |m: Moment| {
+            let mean = m.mean_text();
+            [m.name, mean, format!("{:.4}", m.std)]
         };
         self.moments().into_iter().map(row).collect()
     }
@@ -260,8 +337,15 @@ impl Summary {
             self.count(Status::Inconsistent),
             self.count(Status::NotCapable),
         )];
-        if let Some(rate) = self.fix_rate() {
-            lines.push(format!("fix rate {:.2} %", 100.0 * rate));
+        let gaps = match self.span.missing() {
+            0 => String::new(),
+            missing => format!(", {missing} of them in gaps that no antenna has"),
+        };
+        let capable = format!(" {}", self.capable_means);
+        for ((name, share, of), which) in self.shares().into_iter().zip([gaps, capable]) {
+            if let Some(share) = share {
+                lines.push(format!("{name}: {:.2} % of {of} epochs{which}", 100.0 * share));
+            }
         }
         if !self.by_reason.is_empty() {
             let mut reasons: Vec<_> = self.reasons().into_iter().collect();
@@ -270,8 +354,11 @@ impl Summary {
                 reasons.iter().map(|(word, count)| format!("{word} {count}")).collect();
             lines.push(format!("not fixed because: {}", words.join(", ")));
         }
-        for (name, m) in self.moments() {
-            lines.push(format!("{name:<24} mean {:>11.4}  std {:>9.4}", m.mean(&name), m.std()));
+        lines.extend(self.quality.lines(&self.span));
+        // Where a body turns, its angles and the directions of its baselines have no mean; lengths have.
+        let is_turning = self.quality.is_turning(self.angles[0].std());
+        for m in self.moments().iter().filter(|m| !is_turning || m.name.ends_with("length_m")) {
+            lines.push(format!("{:<24} mean {:>11}  std {:>9.4}", m.name, m.mean_text(), m.std));
         }
         lines.join("\n")
     }
@@ -290,12 +377,27 @@ impl Moments {
         self.add(near + (angle_deg - near + 180.0).rem_euclid(360.0) - 180.0);
     }
 
-    fn mean(&self, name: &str) -> f64 {
-        if name == "heading_deg" { self.mean.rem_euclid(360.0) } else { self.mean }
-    }
-
     fn std(&self) -> f64 {
         if self.count < 2.0 { 0.0 } else { (self.squares / (self.count - 1.0)).sqrt() }
+    }
+}
+
+impl MeanDirection {
+    fn add(&mut self, heading_rad: f64) {
+        self.north += heading_rad.cos();
+        self.east += heading_rad.sin();
+    }
+
+    /// `0 ≤ mean < 360`.
+    fn mean_deg(&self) -> Option<f64> {
+        let any = self.north != 0.0 || self.east != 0.0;
+        any.then(|| self.east.atan2(self.north).to_degrees().rem_euclid(360.0))
+    }
+}
+
+impl Moment {
+    fn mean_text(&self) -> String {
+        self.mean.map_or_else(|| "-".to_owned(), |mean| format!("{mean:.4}"))
     }
 }
 
@@ -303,13 +405,66 @@ impl Moments {
 mod tests {
     use super::*;
 
+    /// A fixed row of two antennas with this heading.
+    fn fixed(time_s: f64, heading_deg: f64) -> EpochSolution {
+        let attitude = AttitudeEstimate {
+            heading_rad: Some(heading_deg.to_radians()),
+            pitch_rad: None,
+            roll_rad: None,
+            covariance_rad2: nalgebra::Matrix3::zeros(),
+            installation_rad2: nalgebra::Matrix3::zeros(),
+            ned_from_body: None,
+            line_elevation_rad: None,
+        };
+        let time = GpsTime::default() + time_s;
+        EpochSolution {
+            status: Status::Fixed,
+            reason: None,
+            attitude: Some(attitude),
+            ..EpochSolution::lost(time, Reason::FewAntennas)
+        }
+    }
+
+    fn of_headings(headings_deg: &[f64]) -> Summary {
+        let mut summary = Summary::new(Vec::new());
+        for (k, heading_deg) in headings_deg.iter().enumerate() {
+            summary.add(&fixed(k as f64, *heading_deg), true);
+        }
+        summary
+    }
+
     #[test]
     fn headings_around_north_have_their_mean_there() {
-        let mut moments = Moments::default();
-        for heading in [359.0, 1.0, 358.0, 2.0] {
-            moments.add_angle_deg(heading);
+        let moments = of_headings(&[359.0, 1.0, 358.0, 2.0]).moments();
+        let mean = moments[0].mean.unwrap();
+        assert!(((mean + 180.0).rem_euclid(360.0) - 180.0).abs() < 1e-9, "{mean}");
+        assert!((moments[0].std - (10.0f64 / 3.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_body_that_turned_has_no_mean_heading() {
+        let text = of_headings(&[0.0, 90.0, 180.0, 270.0]).text();
+        assert!(text.contains("heading_deg              mean           -"), "{text}");
+        let mean = of_headings(&[10.0, 20.0, 30.0]).moments()[0].mean.unwrap();
+        assert!((mean - 20.0).abs() < 1e-9);
+    }
+
+    /// 40 fixed rows, 201 lost ones, then a gap of 59 epochs: 1 in 7.5, not 100 %.
+    #[test]
+    fn each_share_says_what_it_is_a_share_of() {
+        let mut summary = of_headings(&[10.0; 40]);
+        for k in (40..240).chain([299]) {
+            let time = GpsTime::default() + f64::from(k);
+            summary.add(&EpochSolution::lost(time, Reason::FewSatellites), false);
         }
-        assert!(moments.mean("heading_deg") < 1e-9 || moments.mean("heading_deg") > 360.0 - 1e-9);
-        assert!((moments.std() - (10.0f64 / 3.0).sqrt()).abs() < 1e-12);
+        assert_eq!(summary.fixed_of_session(), Some(40.0 / 300.0));
+        assert_eq!(summary.fixed_of_capable(), Some(1.0));
+        let text = summary.text();
+        let expected = "fixed of the session: 13.33 % of 300 epochs, 59 of them in gaps that no antenna has\n\
+                        fixed of the usable epochs: 100.00 % of 40 epochs in which two antennas share";
+        assert!(text.contains(expected), "{text}");
+        let file = serde_json::to_value(summary.file("", &[], 1.0)).unwrap();
+        assert!(file.get("fix_rate").is_none());
+        assert_eq!(file["fixed_of_session"], 40.0 / 300.0);
     }
 }

@@ -3,30 +3,42 @@
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::observation::ArrayEpoch;
 use kurs::orientation::survey::{Survey, SurveyedArray};
 use kurs::solution::Status;
+use serde::Serialize;
 
-use crate::output::OutputFile;
-use crate::progress::Progress;
-use crate::solve::config::{self, Loaded, Overrides};
+use crate::failure::ExitCode;
+use crate::interrupt::Watch;
+use crate::output::{self, OutputFile, OutputFolder};
+use crate::page::Page;
+use crate::progress::{Progress, Work};
+use crate::solve::config::Loaded;
+use crate::solve::session_args::SessionArgs;
 use crate::solve::{Input, antenna_names};
 
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["array.toml", "survey.json", "report.html"];
+
 /// Antenna positions of an array from its own data, at rest or moving.
+///
+/// Positions that the configuration has are not used, only compared.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file (TOML) as for `kurs solve`; positions in it are not used, only compared.
-    config: PathBuf,
-    /// Sets a key of the table `solve`, or `table.key`.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    session: SessionArgs,
     /// Folder for array.toml.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/survey")]
     out: PathBuf,
+    /// Writes report.html: the closing table on one page.
+    #[arg(long)]
+    report: bool,
+    /// Prints the array as JSON in place of the closing table.
+    #[arg(long)]
+    json: bool,
     /// No progress and no closing table.
     #[arg(long, short)]
     quiet: bool,
@@ -34,20 +46,23 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let overrides = Overrides { set: &args.set, ..Overrides::default() };
-    let loaded = config::load(Some(&args.config), &overrides)?;
+    let session = args.session.load()?;
+    let loaded = &session.loaded;
     let settings = Settings { array: None, constraint: Constraint::None, ..loaded.settings()? };
-    let names = antenna_names(&loaded);
-    let Input { navigation, mut streams, phase_centers, .. } = Input::open(&loaded)?;
+    let names = antenna_names(loaded);
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
+    let Input { navigation, mut streams, phase_centers, .. } = Input::open(loaded)?;
     let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
     let mut survey = Survey::new(names.len());
-    let mut progress = Progress::start(args.quiet);
+    let mut progress = Progress::start(args.quiet, Work::SURVEY);
     let mut epoch = ArrayEpoch::default();
-    while streams.next(&mut epoch)? {
+    let watch = Watch::begin();
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let row = engine.push(&epoch);
         survey.add(&row);
-        progress.epoch(row.status == Status::Fixed);
+        progress.epoch(row.status == Status::Fixed, || streams.share());
     }
     progress.finish();
 
@@ -61,14 +76,64 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if array.fixes == 0 {
         bail!("no epoch has fixed baselines to all antennas");
     }
-    let mut file = OutputFile::create(&args.out, "array.toml")?;
+    let mut file = OutputFile::create(folder.path(), "array.toml")?;
     file.write_all(block(&array, &names).as_bytes())?;
     file.finish()?;
-    if !args.quiet {
-        print!("{}", closing(&array, &loaded));
+    let surveyed = SurveyFile::new(&array, &names, watch.was_interrupted());
+    output::write_json(folder.path(), "survey.json", &surveyed)?;
+    let told = closing(&array, loaded);
+    if args.report {
+        let mut page = Page::new("Kurs: the array from its own data");
+        page.columns(&told);
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+    }
+    folder.publish()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&surveyed)?);
+    } else if !args.quiet {
+        print!("{told}");
         println!("written to {}", args.out.join("array.toml").display());
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(watch.status(ExitCode::SUCCESS))
+}
+
+/// `survey.json`.
+#[derive(Debug, Serialize)]
+struct SurveyFile<'a> {
+    version: &'static str,
+    fixes: usize,
+    independent: f64,
+    antennas: Vec<SurveyedAntenna<'a>>,
+    interrupted: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct SurveyedAntenna<'a> {
+    name: &'a str,
+    position_m: [f64; 3],
+    sd_m: [f64; 3],
+    /// Of one epoch.
+    scatter_m: [f64; 3],
+}
+
+impl<'a> SurveyFile<'a> {
+    fn new(array: &SurveyedArray, names: &'a [String], interrupted: bool) -> Self {
+        let sd_m = array.sd_m();
+        let antenna = |(k, name): (usize, &'a String)| SurveyedAntenna {
+            name,
+            position_m: array.positions_m[k].xyz().into(),
+            sd_m: sd_m[k],
+            scatter_m: array.scatter_m[k],
+        };
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            fixes: array.fixes,
+            independent: array.independent,
+            antennas: names.iter().enumerate().map(antenna).collect(),
+            interrupted,
+        }
+    }
 }
 
 /// `[[antenna]]` tables for a configuration.

@@ -1,8 +1,11 @@
 //! One output table, as CSV or JSON lines, written field by field into a file that is never half
 //! there.
 
-use std::io::Write as _;
+use std::fs::File;
+use std::io::{Read as _, Write};
 use std::path::Path;
+
+use anyhow::Context;
 
 use crate::output::OutputFile;
 
@@ -17,8 +20,8 @@ pub(crate) enum TableFormat {
 
 /// A table in the making. The fields of a row come in the order of its columns.
 #[derive(Debug)]
-pub(crate) struct Table {
-    file: OutputFile,
+pub(crate) struct Table<W = OutputFile> {
+    file: W,
     format: TableFormat,
     columns: &'static [&'static str],
     row: Vec<u8>,
@@ -44,6 +47,41 @@ impl Table {
         Ok(Self { file, format, columns, row: Vec::new(), field: 0 })
     }
 
+    /// Goes on with `directory/stem.csv`; one that has other columns is put aside.
+    pub(crate) fn append(
+        directory: &Path,
+        stem: &str,
+        columns: &'static [&'static str],
+    ) -> anyhow::Result<Self> {
+        let name = format!("{stem}.csv");
+        let header = columns.join(",") + "\n";
+        put_aside_if_other(&directory.join(&name), &header)?;
+        let (mut file, is_begun) = OutputFile::append(directory, &name)?;
+        if !is_begun {
+            file.write_all(header.as_bytes())?;
+        }
+        Ok(Self { file, format: TableFormat::Csv, columns, row: Vec::new(), field: 0 })
+    }
+
+    /// Gives the file its name.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.file.finish()
+    }
+}
+
+impl Table<Vec<u8>> {
+    /// A table without a file; CSV has no header line.
+    pub(crate) const fn in_memory(format: TableFormat, columns: &'static [&'static str]) -> Self {
+        Self { file: Vec::new(), format, columns, row: Vec::new(), field: 0 }
+    }
+
+    /// The rows.
+    pub(crate) fn into_text(self) -> Vec<u8> {
+        self.file
+    }
+}
+
+impl<W: Write> Table<W> {
     /// A number with this many decimals; nothing for one that is missing or not finite.
     pub(crate) fn real(&mut self, value: Option<f64>, decimals: usize) {
         match value.filter(|v| v.is_finite()) {
@@ -115,10 +153,24 @@ impl Table {
         Ok(())
     }
 
-    /// Gives the file its name.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
-        self.file.finish()
+    /// Hands all rows on to the system.
+    pub(crate) fn flush(&mut self) -> anyhow::Result<()> {
+        Ok(self.file.flush()?)
     }
+}
+
+/// Gives a table that begins with another header another name.
+fn put_aside_if_other(path: &Path, header: &str) -> anyhow::Result<()> {
+    let Ok(file) = File::open(path) else { return Ok(()) };
+    let mut first = Vec::new();
+    file.take(header.len() as u64).read_to_end(&mut first)?;
+    if first.is_empty() || first == header.as_bytes() {
+        return Ok(());
+    }
+    let other = (1..).map(|number| path.with_extension(format!("{number}.csv")));
+    let free = other.into_iter().find(|path| !path.exists());
+    std::fs::rename(path, free.unwrap_or_default())
+        .with_context(|| format!("{}: has other columns and cannot be put aside", path.display()))
 }
 
 /// Writes `value` with this many decimals; through whole numbers where they can hold it, which is

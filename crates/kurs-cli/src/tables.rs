@@ -1,17 +1,18 @@
 //! The tables `attitude`, `baselines` and `points`: their columns, in the order that users' scripts
 //! rely on, for every command that writes them.
 
+use std::io::Write;
 use std::path::Path;
 
 use kurs::signal::SPEED_OF_LIGHT_MPS;
 use kurs::solution::{AttitudeEstimate, EpochSolution, PointEstimate, PositionEstimate, Status};
 use kurs::time::GpsTime;
-use kurs::turn_rate::{TurnRate, course_rad};
+use kurs::turn_rate::{AngleRates, TurnRate, course_rad};
 use nalgebra::Matrix3;
 
 use crate::table::{Table, TableFormat};
 
-const ATTITUDE: &[&str] = &[
+pub(crate) const ATTITUDE: &[&str] = &[
     "time_gpst",
     "gps_week",
     "tow_s",
@@ -139,6 +140,39 @@ impl Tables {
         Ok(self)
     }
 
+    /// Goes on with the tables in `directory`, and with the rates of the rows before.
+    pub(crate) fn append(
+        directory: &Path,
+        antennas: Vec<String>,
+        points: Vec<String>,
+        with_antennas: bool,
+        turn_rate: TurnRate,
+    ) -> anyhow::Result<Self> {
+        let table = |stem, columns| Table::append(directory, stem, columns);
+        let optional = |is_wanted: bool, stem| is_wanted.then(|| table(stem, POINTS)).transpose();
+        Ok(Self {
+            attitude_table: AttitudeTable::append(directory, turn_rate)?,
+            baseline_table: table("baselines", BASELINES)?,
+            point_table: optional(!points.is_empty(), "points")?,
+            antenna_table: optional(with_antennas, "antennas")?,
+            antennas,
+            points,
+        })
+    }
+
+    /// What the rates of the next row follow from.
+    pub(crate) fn into_turn_rate(self) -> TurnRate {
+        self.attitude_table.turn_rate
+    }
+
+    /// Hands all rows on to the system.
+    pub(crate) fn flush(&mut self) -> anyhow::Result<()> {
+        self.attitude_table.table.flush()?;
+        self.baseline_table.flush()?;
+        self.point_table.as_mut().map_or(Ok(()), Table::flush)?;
+        self.antenna_table.as_mut().map_or(Ok(()), Table::flush)
+    }
+
     /// Writes the rows of one epoch.
     pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
         let time = TimeColumns::new(row.time);
@@ -189,7 +223,7 @@ impl Tables {
 
 /// Coordinates of points or antennas, named by their index.
 fn write_places(
-    t: &mut Table,
+    t: &mut Table<impl Write>,
     time: &TimeColumns,
     places: &[PointEstimate],
     names: &[String],
@@ -219,45 +253,57 @@ impl AttitudeTable {
         Ok(Self { table, turn_rate: TurnRate::default() })
     }
 
+    /// Goes on with `attitude` in `directory`, where the rows before had these rates.
+    fn append(directory: &Path, turn_rate: TurnRate) -> anyhow::Result<Self> {
+        Ok(Self { table: Table::append(directory, "attitude", ATTITUDE)?, turn_rate })
+    }
+
     /// Writes the row of one epoch; they come in the order of time.
     pub(crate) fn write(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
         let rates = self.turn_rate.push(row);
-        let t = &mut self.table;
-        time.write(t);
-        t.text(row.status.word());
-        t.text(row.reason.map_or("", |reason| reason.word()));
-        for count in [row.antennas, row.satellites, row.ambiguities] {
-            t.integer(i64::try_from(count).unwrap_or(i64::MAX));
-        }
-        attitude_columns(t, row.attitude.as_ref());
-        t.real(row.success_rate, 6);
-        t.real(row.ratio, 3);
-        t.real(row.residual_rms_m, 5);
-        position_columns(t, row.position.as_ref());
-        // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
-        let bias_s = row
-            .position
-            .and_then(|p| p.clock_m)
-            .map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
-        let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
-        t.text(&format!("{}Z", utc.iso(7)));
-        let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
-        for i in 0..4 {
-            t.real(quaternion.map(|q| q[i]), 9);
-        }
-        let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
-        t.real(line_elevation.map(f64::to_degrees), 5);
-        rates.iter().for_each(|rate| t.real(rate.map(|r| r.radps.to_degrees()), 5));
-        rates.iter().for_each(|rate| t.real(rate.map(|r| r.sd_radps.to_degrees()), 5));
-        let course = row.position.as_ref().and_then(course_rad);
-        t.real(course.map(f64::to_degrees), 3);
-        t.end_row()
+        write_attitude(&mut self.table, time, row, &rates)
     }
 
     /// Gives the file its name.
     pub(crate) fn finish(self) -> anyhow::Result<()> {
         self.table.finish()
     }
+}
+
+/// Writes the row of one epoch, whose angles change with these rates.
+pub(crate) fn write_attitude(
+    t: &mut Table<impl Write>,
+    time: &TimeColumns,
+    row: &EpochSolution,
+    rates: &AngleRates,
+) -> anyhow::Result<()> {
+    time.write(t);
+    t.text(row.status.word());
+    t.text(row.reason.map_or("", |reason| reason.word()));
+    for count in [row.antennas, row.satellites, row.ambiguities] {
+        t.integer(i64::try_from(count).unwrap_or(i64::MAX));
+    }
+    attitude_columns(t, row.attitude.as_ref());
+    t.real(row.success_rate, 6);
+    t.real(row.ratio, 3);
+    t.real(row.residual_rms_m, 5);
+    position_columns(t, row.position.as_ref());
+    // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
+    let bias_s =
+        row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
+    let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
+    t.text(&format!("{}Z", utc.iso(7)));
+    let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
+    for i in 0..4 {
+        t.real(quaternion.map(|q| q[i]), 9);
+    }
+    let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
+    t.real(line_elevation.map(f64::to_degrees), 5);
+    rates.iter().for_each(|rate| t.real(rate.map(|r| r.radps.to_degrees()), 5));
+    rates.iter().for_each(|rate| t.real(rate.map(|r| r.sd_radps.to_degrees()), 5));
+    let course = row.position.as_ref().and_then(course_rad);
+    t.real(course.map(f64::to_degrees), 3);
+    t.end_row()
 }
 
 /// `time_gpst, gps_week, tow_s`, made ready once for all rows of an epoch.
@@ -275,7 +321,7 @@ impl TimeColumns {
         Self { gpst, week: time.week(), tow_s: time.tow_s(), digits }
     }
 
-    pub(crate) fn write(&self, t: &mut Table) {
+    pub(crate) fn write(&self, t: &mut Table<impl Write>) {
         t.text(&self.gpst);
         t.integer(self.week);
         t.real(Some(self.tow_s), self.digits);
@@ -283,7 +329,7 @@ impl TimeColumns {
 }
 
 /// `heading_deg` to `cov_pr_deg2`
-fn attitude_columns(t: &mut Table, attitude: Option<&AttitudeEstimate>) {
+fn attitude_columns(t: &mut Table<impl Write>, attitude: Option<&AttitudeEstimate>) {
     let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
     for angle in angles {
         t.real(angle.map(f64::to_degrees), 5);
@@ -299,7 +345,7 @@ fn attitude_columns(t: &mut Table, attitude: Option<&AttitudeEstimate>) {
 }
 
 /// `latitude_deg` to `clock_bias_m`
-fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
+fn position_columns(t: &mut Table<impl Write>, position: Option<&PositionEstimate>) {
     t.real(position.map(|p| p.geodetic.latitude_rad.to_degrees()), 10);
     t.real(position.map(|p| p.geodetic.longitude_rad.to_degrees()), 10);
     t.real(position.map(|p| p.geodetic.height_m), 4);
@@ -311,7 +357,11 @@ fn position_columns(t: &mut Table, position: Option<&PositionEstimate>) {
     t.real(position.and_then(|p| p.clock_m), 4);
 }
 
-fn standard_deviations(t: &mut Table, covariance: Option<&Matrix3<f64>>, decimals: usize) {
+fn standard_deviations(
+    t: &mut Table<impl Write>,
+    covariance: Option<&Matrix3<f64>>,
+    decimals: usize,
+) {
     for i in 0..3 {
         t.real(covariance.map(|c| c[(i, i)].sqrt()), decimals);
     }

@@ -1,4 +1,5 @@
-//! `kurs doctor` names the cause: ten faults put into simulated sessions, each with its own seed.
+//! `kurs doctor` names the cause, and no consequence of it: faults put into simulated sessions, each with
+//! its own seed.
 //! `kurs survey` finds the array that was simulated.
 #![allow(clippy::unwrap_used)] // a test
 
@@ -18,6 +19,8 @@ struct Fault {
     keys: &'static str,
     /// Tables of the scenario.
     tables: &'static str,
+    /// Motion of the body in place of rest, with its keys.
+    motion: &'static str,
     /// Keys of one antenna.
     antenna: (usize, &'static str),
     /// Replacements in kurs.toml.
@@ -38,12 +41,13 @@ fn session(directory: &Path, seed: u64, start: &str, fault: &Fault) -> PathBuf {
             format!("\n[[body.antenna]]\nname = \"A{i}\"\nposition_m = {place:?}\n{own}\n")
         })
         .collect();
+    let rest = "kind = \"static\"\nheading_deg = 70.0\npitch_deg = 3.0\nroll_deg = -2.0";
+    let motion = if fault.motion.is_empty() { rest } else { fault.motion };
     let scenario = format!(
         "seed = {seed}\nstart = \"{start}\"\nduration_s = 40.0\ninterval_s = 1.0\n{}\n\
          [sky]\nsystems = [\"G\", \"E\", \"C\"]\n{}\n\
-         [[body]]\nname = \"body\"\n[body.motion]\nkind = \"static\"\n\
-         place = {{ latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }}\n\
-         heading_deg = 70.0\npitch_deg = 3.0\nroll_deg = -2.0\n{antennas}",
+         [[body]]\nname = \"body\"\n[body.motion]\n{motion}\n\
+         place = {{ latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }}\n{antennas}",
         fault.keys, fault.tables
     );
     fs::create_dir_all(directory).unwrap();
@@ -72,11 +76,24 @@ fn findings(configuration: &Path) -> Vec<String> {
 
 const NOON: &str = "2024-03-10T12:00:00";
 
+/// The codes of all findings; `kurs solve` ends with the first one.
+fn of_session(folder: &Path, seed: u64, fault: &Fault) -> Vec<String> {
+    let configuration = session(folder, seed, NOON, fault);
+    let found = findings(&configuration);
+    let text = fs::read_to_string(folder.join("out/doctor.json")).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let cause = file["findings"][0]["cause"].as_str().unwrap();
+    let run =
+        kurs().arg("solve").arg(&configuration).arg("--out").arg(folder.join("solved")).output();
+    let said = String::from_utf8(run.unwrap().stdout).unwrap();
+    assert!(said.lines().last().unwrap().contains(cause), "{cause}:\n{said}");
+    found
+}
+
+/// One cause, and nothing that follows from it.
 fn named(case: &str, seed: u64, fault: &Fault) {
     let folder = TempDir::new().unwrap();
-    let configuration = session(folder.path(), seed, NOON, fault);
-    let found = findings(&configuration);
-    assert_eq!(found.first().map(String::as_str), Some(case), "{found:?}");
+    assert_eq!(of_session(folder.path(), seed, fault), [case]);
 }
 
 fn replaced(from: &str, to: &str) -> Vec<(String, String)> {
@@ -92,8 +109,18 @@ fn a_good_session_has_no_findings() {
 
 #[test]
 fn a_wrong_position() {
+    let folder = TempDir::new().unwrap();
     let configuration = replaced("position_m = [0.9,", "position_m = [0.94,");
-    named("wrong_geometry", 101, &Fault { configuration, ..Fault::default() });
+    let fault = Fault { configuration, ..Fault::default() };
+    assert_eq!(of_session(folder.path(), 101, &fault), ["wrong_geometry"]);
+    let text = fs::read_to_string(folder.path().join("out/doctor.json")).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let failed = file["checks"].as_array().unwrap();
+    assert!(!failed.is_empty(), "{text}");
+    for check in failed {
+        assert!(check["failed"].as_u64() <= check["epochs"].as_u64(), "{check}");
+        assert!(check["p_value"].as_f64() < check["level"].as_f64(), "{check}");
+    }
 }
 
 #[test]
@@ -157,7 +184,96 @@ fn a_single_band_without_geometry() {
     let configuration =
         replaced("[nav]\n", "[solve]\nbands = [\"G1\"]\nconstraint = \"none\"\n[nav]\n");
     let tables = "[noise]\ncode_sd_m = 0.45\nphase_sd_cycles = 0.02\n";
-    named("weak_model", 110, &Fault { tables, configuration, ..Fault::default() });
+    let folder = TempDir::new().unwrap();
+    let found =
+        of_session(folder.path(), 110, &Fault { tables, configuration, ..Fault::default() });
+    assert_eq!(found, ["weak_model", "unused_bands"]);
+}
+
+/// Every place times these factors.
+fn places_times(factors: [f64; 3]) -> Vec<(String, String)> {
+    let text = |place: [f64; 3]| format!("position_m = {place:?}");
+    let scaled = |place: [f64; 3]| [0, 1, 2].map(|k| place[k] * factors[k] + 0.0);
+    PLACES[1..].iter().map(|place| (text(*place), text(scaled(*place)))).collect()
+}
+
+#[test]
+fn positions_in_centimetres() {
+    let configuration = places_times([100.0; 3]);
+    named("wrong_unit", 112, &Fault { configuration, ..Fault::default() });
+}
+
+/// Four antennas that are not in one plane fit only as their mirror image; three are the mirror image of
+/// themselves, upside down.
+#[test]
+fn right_and_left_exchanged() {
+    let configuration = places_times([1.0, -1.0, 1.0]);
+    named("mirrored_array", 113, &Fault { configuration, ..Fault::default() });
+    let flat =
+        "\n[[antenna]]\nname = \"A3\"\nobs = [\"A3.rnx\"]\nposition_m = [-0.3, 0.65, -0.1]\n";
+    let mut configuration = places_times([1.0, -1.0, 1.0]);
+    configuration[2] = (flat.into(), String::new());
+    named("mirrored_array", 113, &Fault { configuration, ..Fault::default() });
+}
+
+#[test]
+fn one_file_for_two_antennas() {
+    let folder = TempDir::new().unwrap();
+    let configuration = replaced("A1.rnx", "A0.rnx");
+    let found = of_session(folder.path(), 114, &Fault { configuration, ..Fault::default() });
+    assert_eq!(found, ["one_recording"]);
+    // Without a configuration, and of the two alone: no row is what it cannot be.
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let (a, b) = (format!("A={}", file("A0.rnx")), format!("B={}@1,0,0", file("A0.rnx")));
+    let a = format!("{a}@0,0,0");
+    let files =
+        ["--antenna", &a, "--antenna", &b, "--nav", &file("nav.rnx"), "--out", &file("two")];
+    kurs().arg("doctor").args(files).assert().success();
+    let text = fs::read_to_string(folder.path().join("two/doctor.json")).unwrap();
+    assert!(text.contains("antennas A and B have the same observations"), "{text}");
+    kurs().arg("solve").args(files).assert().code(3);
+    let rows = fs::read_to_string(folder.path().join("two/attitude.csv")).unwrap();
+    assert!(rows.lines().skip(1).all(|row| row.contains(",inconsistent,geometry,")), "{rows}");
+}
+
+/// Twenty of sixty seconds that no antenna has: all rows are fixed, the session is not.
+#[test]
+fn a_gap_of_all_antennas() {
+    let folder = TempDir::new().unwrap();
+    let antennas = r#"["A0", "A1", "A2", "A3"]"#;
+    let tables = format!("[[outage]]\nfrom_s = 9.5\nto_s = 29.5\nantennas = {antennas}\n");
+    let fault = Fault { tables: Box::leak(tables.into_boxed_str()), ..Fault::default() };
+    assert_eq!(of_session(folder.path(), 115, &fault), ["gaps"]);
+    let text = fs::read_to_string(folder.path().join("solved/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let rows = summary["epochs"].as_f64().unwrap();
+    assert_eq!(summary["fixed_of_capable"], 1.0);
+    assert_eq!(summary["fixed_of_session"], rows / (rows + 20.0));
+    let configuration = folder.path().join("kurs.toml");
+    for (percent, code) in [("0", 0), ("45", 0), ("60", 3), ("101", 2)] {
+        let run = kurs()
+            .arg("solve")
+            .arg(&configuration)
+            .args(["--require-fix", percent, "--quiet"])
+            .arg("--out")
+            .arg(folder.path().join("solved"))
+            .assert()
+            .code(code);
+        let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        assert_eq!(said.contains("60 % are required"), code == 3, "{said}");
+    }
+}
+
+/// A car drives where its front points; a body at rest has no course.
+#[test]
+fn front_and_back_exchanged() {
+    let folder = TempDir::new().unwrap();
+    let resting = Fault { configuration: places_times([-1.0, -1.0, 1.0]), ..Fault::default() };
+    let configuration = session(&folder.path().join("rest"), 116, NOON, &resting);
+    assert_eq!(findings(&configuration), Vec::<String>::new());
+    let motion = "kind = \"car\"\nwaypoints_m = [[0, 0], [0, 900]]\nspeed_mps = 10.0\nwait_s = 2.0";
+    let configuration = session(folder.path(), 116, NOON, &Fault { motion, ..resting });
+    assert_eq!(findings(&configuration), ["reversed_array"]);
 }
 
 /// Ten minutes would be better; forty seconds of white noise are good to millimetres too.

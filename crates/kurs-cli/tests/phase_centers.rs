@@ -2,7 +2,8 @@
 //! with the body: through the whole of `kurs solve`, on a recording.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
-mod matrtklib;
+#[path = "../../../tests/outside.rs"]
+mod outside;
 
 use std::fs;
 use std::path::Path;
@@ -70,7 +71,7 @@ fn means<const N: usize>(out: &Path, table: &str, columns: [&str; N]) -> [f64; N
 
 #[test]
 fn a_baseline_between_unlike_antennas_moves_by_the_tabulated_offsets() {
-    let Some(folder) = matrtklib::folder() else { return };
+    let Some(folder) = outside::recording("matrtklib_static") else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     let types =
@@ -108,7 +109,7 @@ fn a_baseline_between_unlike_antennas_moves_by_the_tabulated_offsets() {
 /// Which calibration serves (here that without the radome), and for which bands.
 #[test]
 fn what_serves_is_told() {
-    let Some(folder) = matrtklib::folder() else { return };
+    let Some(folder) = outside::recording("matrtklib_static") else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     fs::write(out.join("a.atx"), antex(&[("CHOKE           NONE", [0.0; 3])])).unwrap();
@@ -127,7 +128,7 @@ fn what_serves_is_told() {
 
 #[test]
 fn wrong_keys_are_named() {
-    let Some(folder) = matrtklib::folder() else { return };
+    let Some(folder) = outside::recording("matrtklib_static") else { return };
     let out = tempfile::tempdir().unwrap();
     let out = out.path();
     // A number that is too wide for its columns makes a band unusable.

@@ -110,6 +110,66 @@ fn a_solve_configuration_is_planned() {
     assert!(json(folder.path())["epochs"][0]["satellites"].as_u64().unwrap() > satellites);
 }
 
+/// Place, bands, noise, heading and time of a working configuration are those of its observations; what
+/// nothing tells is called assumed, and the end of the ephemerides is told.
+#[test]
+fn a_working_configuration_is_planned_by_its_observations() {
+    let folder = tempfile::tempdir().unwrap();
+    let antennas = ROOF.split("[plan]").next().unwrap().replace("[[antenna]]", "[[body.antenna]]");
+    let scenario = format!(
+        "seed = 5\nstart = \"2024-03-10T12:00:00\"\nduration_s = 60.0\ninterval_s = 1.0\n\
+         signals = [\"G1C\", \"G2W\", \"E1C\", \"E5Q\"]\n[sky]\nsystems = [\"G\", \"E\"]\n\
+         [noise]\ncode_sd_m = 0.5\nphase_sd_cycles = 0.012\n\
+         [[body]]\nname = \"body\"\n[body.motion]\nkind = \"static\"\n\
+         place = {{ latitude_deg = -33.0, longitude_deg = 18.0, height_m = 40.0 }}\n\
+         heading_deg = 250.0\npitch_deg = 0.0\nroll_deg = 0.0\n{antennas}"
+    );
+    fs::write(folder.path().join("scenario.toml"), scenario).unwrap();
+    let kurs = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_kurs"));
+        let output = command.current_dir(folder.path()).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    kurs(&["simulate", "scenario.toml", "--out", "."]);
+    let text = kurs(&["plan", "kurs.toml", "--for", "12h", "--out", "out"]);
+    let plan = json(folder.path());
+    let basis =
+        |key: &str| (plan["basis"][key]["value"].clone(), plan["basis"][key]["from"].clone());
+    let near = |key: &str, expected: f64, tolerance: f64| {
+        let (value, from) = basis(key);
+        assert_eq!(from, "the observations", "{key}");
+        assert!((value.as_f64().unwrap() - expected).abs() < tolerance, "{key}: {value}");
+    };
+    near("latitude_deg", -33.0, 1e-3);
+    near("longitude_deg", 18.0, 1e-3);
+    near("heading_deg", 250.0, 1.0);
+    near("code_sd_m", 0.5, 0.15);
+    // Cycles of 0.19 to 0.25 m.
+    near("phase_sd_m", 0.012 * 0.22, 0.0008);
+    assert_eq!(basis("bands"), ("G1 G2 E1 E5".into(), "the observations".into()));
+    assert_eq!(basis("length_sd_m"), (0.002.into(), "assumed".into()));
+    assert!(plan["epochs"][0]["time_gpst"].as_str().unwrap().starts_with("2024-03-10T12:00:00"));
+    let notes = plan["notes"].to_string();
+    assert!(notes.contains("ephemerides of GPS end") && text.contains("shorter --for"), "{notes}");
+
+    // `[plan]` of the same file goes first, and `kurs solve` leaves it alone.
+    let configuration = fs::read_to_string(folder.path().join("kurs.toml")).unwrap();
+    fs::write(folder.path().join("kurs.toml"), configuration + "[plan]\nheading_deg = 90.0\n")
+        .unwrap();
+    kurs(&["plan", "kurs.toml", "--for", "1h", "--out", "out"]);
+    let plan = json(folder.path());
+    assert_eq!(plan["basis"]["heading_deg"]["from"], "[plan]");
+    assert_eq!(plan["basis"]["latitude_deg"]["from"], "the observations");
+    assert_eq!(plan["notes"].as_array().unwrap().len(), 0, "{}", plan["notes"]);
+    kurs(&["solve", "kurs.toml", "--quiet", "--out", "out"]);
+
+    fs::remove_file(folder.path().join("port.rnx")).unwrap();
+    kurs(&["plan", "kurs.toml", "--for", "1h", "--out", "out"]);
+    let notes = json(folder.path())["notes"].to_string();
+    assert!(notes.contains("port.rnx is not there") && notes.contains("is assumed"), "{notes}");
+}
+
 #[test]
 fn wrong_files_are_usage_errors_that_name_the_key() {
     let one = "[[antenna]]\nname = \"a\"\nposition_m = [0.0, 0.0, 0.0]\n";
@@ -121,6 +181,7 @@ fn wrong_files_are_usage_errors_that_name_the_key() {
         (one.to_owned(), "1 antenna"),
         (format!("{one}{one}"), "apart"),
         (ROOF.replace("step_s", "step"), "did you mean `step_s`"),
+        (ROOF.replacen("position_m = [-1.5, -0.6, 0.0]", "", 1), "`port` has no `position_m`"),
         (ROOF.replace("1800.0", "nan"), "plan.step_s is NaN"),
         (ROOF.replace("-1.5", "inf"), "not a finite number"),
         (with(r#"criterion = "best""#), "unknown variant `best`"),

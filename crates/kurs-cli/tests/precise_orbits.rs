@@ -2,7 +2,8 @@
 //! give the same baselines as the broadcast file itself.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
-mod matrtklib;
+#[path = "../../../tests/outside.rs"]
+mod outside;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -74,7 +75,7 @@ fn solve(folder: &Path, navigation: &Path, out: &Path) -> (usize, [f64; 3]) {
 
 #[test]
 fn precise_orbits_alone_give_the_same_baselines() {
-    let Some(folder) = matrtklib::folder() else { return };
+    let Some(folder) = outside::recording("matrtklib_static") else { return };
     let mut navigation = NavigationData::default();
     let broadcast = folder.join("base.nav");
     navigation::read(&mut Source::open(&broadcast).unwrap(), &mut navigation).unwrap();

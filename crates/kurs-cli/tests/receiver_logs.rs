@@ -1,6 +1,9 @@
 //! Simulated UBX, RTCM 3 and SBF logs, solved by themselves: the attitude is that of the RINEX files.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -139,7 +142,7 @@ fn convbin_reads_the_observations_of_the_logs() {
             .args([&path("converted.rnx"), &log])
             .output();
         if let Err(error) = run {
-            println!("skipped: convbin: {error}");
+            outside::skipped(&format!("convbin: {error}"));
             return;
         }
         let found = by_signal(&path("converted.rnx"));
@@ -239,6 +242,46 @@ fn one_log_of_both_antennas_gives_the_same_attitude() {
         let place = "3833000.5000, 884000.2500, 5002000.1250 m ECEF";
         assert_eq!(printed.contains(place), key == "station_id", "{printed}");
     }
+}
+
+/// Ephemerides that only one of the receivers gets, and only after half a minute: what a live run could
+/// not know is not used.
+#[test]
+fn as_received_an_ephemeris_counts_from_the_epoch_that_follows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    simulated(folder.path());
+    let mut data = NavigationData::default();
+    let log = path("simulated/A0.sbf");
+    navigation::read(&mut Source::open(&log).unwrap(), &mut data).unwrap();
+    let none = NavigationData::default();
+    for name in ["A0", "A1"] {
+        let epochs = epochs(&folder.path().join(format!("simulated/{name}.rnx")));
+        let write = |epochs: &[AntennaEpoch], data: &NavigationData| {
+            let mut writer = SbfWriter::new(Vec::new(), data);
+            epochs.iter().for_each(|epoch| writer.write(&[epoch]).unwrap());
+            writer.finish()
+        };
+        let later = if name == "A1" { &data } else { &none };
+        let log = [write(&epochs[..30], &none), write(&epochs[30..], later)].concat();
+        fs::write(path(&format!("{name}.sbf")), log).unwrap();
+    }
+    let solve = |out: &str, as_received: &str| {
+        let flag =
+            |name: &str, place: &str| format!("{name}={}@{place}", path(&format!("{name}.sbf")));
+        let antennas = [flag("A0", "0,0,0"), flag("A1", "1.2,0,0")];
+        let as_received = format!("nav.as_received={as_received}");
+        let flags = ["--antenna", &antennas[0], "--antenna", &antennas[1], "--set", &as_received];
+        kurs(&[&["solve"][..], &flags, &["--out", &path(out), "--quiet"]].concat());
+        rows(&folder.path().join(out)).into_iter().map(|row| row.0).collect::<Vec<_>>()
+    };
+    let at_once = solve("at-once", "false");
+    assert!(at_once[..30].iter().filter(|status| *status == "fixed").count() > 25, "{at_once:?}");
+    let as_received = solve("as-received", "true");
+    assert_eq!(as_received.len(), at_once.len());
+    assert!(as_received[..30].iter().all(|status| status == "lost"), "{as_received:?}");
+    assert_eq!(as_received[30], "fixed");
+    assert!(as_received[30..].iter().filter(|status| *status == "fixed").count() > 25);
 }
 
 /// Every hour of a week, the edges of its days, a leap second: whenever a log begins, it has all

@@ -1,6 +1,9 @@
 //! `kurs simulate` from scenario to files, and `kurs solve --truth` on them.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // tests
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::fs;
 use std::path::Path;
 use std::process::{Command as Foreign, Output};
@@ -90,7 +93,7 @@ fn the_foreign_expander_gives_the_plain_text() {
     let compact = folder.path().join("bow.crx");
     let output = Foreign::new("python3").args(["-c", script]).arg(&compact).output();
     let Some(output) = output.ok().filter(|output| output.status.success()) else {
-        println!("skipped: python3 has no package hatanaka");
+        outside::skipped("python3 has no package hatanaka");
         return;
     };
     let lines = |text: &str| text.lines().map(|l| l.trim_end().to_owned()).collect::<Vec<_>>();

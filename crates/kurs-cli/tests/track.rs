@@ -2,6 +2,9 @@
 //! another program, and what it says about broken input.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -104,11 +107,11 @@ fn another_program_reads_ours() {
         let ours = folder.path().join(ours);
         let run = Command::new("python3").arg(&script).arg(ours).arg(out).output();
         let Ok(run) = run else {
-            println!("skipped: no python3");
+            outside::skipped("no python3");
             return;
         };
         if run.status.code() == Some(77) {
-            println!("skipped: the Python package ccsds-ndm is not installed");
+            outside::skipped("the Python package ccsds-ndm is not installed");
             return;
         }
         assert!(run.status.success(), "{}", text(&run.stderr));

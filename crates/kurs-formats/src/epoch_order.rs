@@ -31,23 +31,32 @@ pub(crate) trait RawEpochs {
 #[derive(Debug)]
 pub(crate) struct Ordered<E> {
     pub(crate) raw: E,
+    /// Place of the epoch that was given out last.
+    pub(crate) place: u64,
     order: EpochOrder,
 }
 
 impl<E: RawEpochs> Ordered<E> {
     pub(crate) fn new(raw: E) -> Self {
-        Self { raw, order: EpochOrder::default() }
+        Self { raw, place: 0, order: EpochOrder::default() }
+    }
+
+    /// The same of a stream, whose first epochs nobody waits to have confirmed.
+    pub(crate) fn prompt(raw: E) -> Self {
+        let order = EpochOrder { is_prompt: true, ..EpochOrder::default() };
+        Self { order, ..Self::new(raw) }
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end.
     pub(crate) fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        let Some(place) = self.next_later(epoch)? else {
+        let Some(mut place) = self.next_later(epoch)? else {
             epoch.observations.clear();
             return Ok(false);
         };
         if self.order.jumps(epoch.time) {
-            self.confirm(epoch, place)?;
+            place = self.confirm(epoch, place)?;
         }
+        self.place = place;
         self.order.give_out(epoch.time);
         Ok(true)
     }
@@ -69,14 +78,15 @@ impl<E: RawEpochs> Ordered<E> {
         }
     }
 
-    /// Keeps an epoch that jumps ahead only if the one behind it is not earlier.
-    fn confirm(&mut self, epoch: &mut AntennaEpoch, mut place: u64) -> Result<(), ReadError> {
+    /// Keeps an epoch that jumps ahead only if the one behind it is not earlier; gives the place of the
+    /// one that is kept.
+    fn confirm(&mut self, epoch: &mut AntennaEpoch, mut place: u64) -> Result<u64, ReadError> {
         loop {
-            let Some(next_place) = self.raw.next(self.order.next_mut())? else { return Ok(()) };
+            let Some(next_place) = self.raw.next(self.order.next_mut())? else { return Ok(place) };
             let next_time = self.order.next_mut().time;
             if next_time > epoch.time {
                 self.order.hold_next(next_place);
-                return Ok(());
+                return Ok(place);
             }
             let next_is_right = next_time < epoch.time && self.order.is_later(next_time);
             if !next_is_right {
@@ -92,7 +102,7 @@ impl<E: RawEpochs> Ordered<E> {
             self.raw.slips().apply(epoch, false);
             place = next_place;
             if !self.order.jumps(epoch.time) {
-                return Ok(());
+                return Ok(place);
             }
         }
     }
@@ -113,6 +123,8 @@ struct EpochOrder {
     /// Place of the epoch in `next`, if there is one.
     next_place: Option<u64>,
     next: AntennaEpoch,
+    /// A jump is one only where the interval is known.
+    is_prompt: bool,
 }
 
 impl EpochOrder {
@@ -123,7 +135,9 @@ impl EpochOrder {
 
     /// Whether the time is so far ahead that the next epoch must confirm it.
     fn jumps(&self, time: GpsTime) -> bool {
-        let (Some(last), Some(step_s)) = (self.last, self.shortest_step_s) else { return true };
+        let (Some(last), Some(step_s)) = (self.last, self.shortest_step_s) else {
+            return !self.is_prompt;
+        };
         time - last > JUMP_STEPS * step_s
     }
 

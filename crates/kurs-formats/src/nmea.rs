@@ -52,22 +52,37 @@ impl Encoder {
 
     /// Appends the sentences of an epoch, each with its checksum and line end.
     pub fn encode(&mut self, row: &EpochSolution, text: &mut String) {
-        let epoch = Epoch {
-            row,
-            utc: nominal(row.time).utc(),
-            attitude: row.attitude.filter(|_| row.status == Status::Fixed),
-            rates: self.turn_rate.push(row),
-        };
-        for body in [epoch.gga(), epoch.rmc(), epoch.vtg(), epoch.zda()] {
-            push(text, &body);
-        }
-        let survey = (self.profile == Profile::Survey).then(|| epoch.pashr());
-        let optional = [epoch.gst(), Some(epoch.hdt()), Some(epoch.rot()), epoch.xdr(), survey];
-        optional.iter().flatten().for_each(|body| push(text, body));
+        encode(self.profile, row, self.turn_rate.push(row), text);
     }
 }
 
-impl Epoch<'_> {
+/// Appends the sentences of an epoch whose angles change with these rates, for those who do not see
+/// every row; otherwise as [`Encoder::encode`].
+pub fn encode(profile: Profile, row: &EpochSolution, rates: AngleRates, text: &mut String) {
+    let epoch = Epoch::new(row, rates);
+    for body in [epoch.gga(), epoch.rmc(), epoch.vtg(), epoch.zda()] {
+        push(text, &body);
+    }
+    let survey = (profile == Profile::Survey).then(|| epoch.pashr());
+    let optional = [epoch.gst(), Some(epoch.hdt()), Some(epoch.rot()), epoch.xdr(), survey];
+    optional.iter().flatten().for_each(|body| push(text, body));
+}
+
+/// The position of an epoch alone, as casters want it.
+#[must_use]
+pub fn gga(row: &EpochSolution) -> String {
+    let mut text = String::new();
+    push(&mut text, &Epoch::new(row, [None; 3]).gga());
+    text
+}
+
+impl<'a> Epoch<'a> {
+    fn new(row: &'a EpochSolution, rates: AngleRates) -> Self {
+        let utc = nominal(row.time).utc();
+        let attitude = row.attitude.filter(|_| row.status == Status::Fixed);
+        Self { row, utc, attitude, rates }
+    }
+
     /// Position, quality and height above the sea.
     fn gga(&self) -> String {
         let clock = clock(&self.utc);
@@ -287,6 +302,7 @@ mod tests {
                 &(Matrix3::identity() * 1e-6),
             )),
             position: Some(PositionEstimate {
+                antenna: Some(0),
                 geodetic,
                 position_m: geodetic.to_ecef(),
                 covariance_m2: Matrix3::new(4.0, 1.5, 0.0, 1.5, 4.0, 0.0, 0.0, 0.0, 9.0),

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
+use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
@@ -123,6 +124,15 @@ impl ObservationSource {
         }
     }
 
+    /// Navigation data that came before the epoch that was read last: of a log that is read as received
+    /// ([`LogReader::take_news`]).
+    pub fn take_news(&mut self) -> NavigationData {
+        match self {
+            Self::Rinex(_) => NavigationData::default(),
+            Self::Log(reader) => reader.take_news(),
+        }
+    }
+
     /// The header as it stands after the last epoch that was read; logs have none.
     #[must_use]
     pub const fn header(&self) -> Option<&ObservationHeader> {
@@ -195,6 +205,15 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => reader.name(),
             Self::Log(reader) => reader.name(),
+        }
+    }
+
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        match self {
+            Self::Rinex(reader) => reader.bytes_read(),
+            Self::Log(reader) => reader.bytes_read(),
         }
     }
 }

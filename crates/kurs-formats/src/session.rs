@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
+use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
@@ -30,6 +31,8 @@ pub struct SessionReader {
     /// Of the files that are behind.
     damage: Vec<FileDamage>,
     damage_count: u64,
+    /// Of the files that are behind.
+    bytes_read: u64,
 }
 
 /// Damage with the file that it is in.
@@ -78,6 +81,7 @@ impl SessionReader {
             overlapping: 0,
             damage: Vec::new(),
             damage_count: 0,
+            bytes_read: 0,
         })
     }
 
@@ -93,6 +97,7 @@ impl SessionReader {
                 let Some(path) = self.waiting.pop_front() else { return Ok(false) };
                 self.damage = self.damage();
                 self.damage_count = self.damage_count();
+                self.bytes_read = self.bytes_read();
                 self.current = ObservationSource::open_with(path, &self.options)?;
             } else if self.last.is_none_or(|last| epoch.time > last) {
                 self.note_overlap();
@@ -123,10 +128,22 @@ impl SessionReader {
         channels
     }
 
+    /// Navigation data that came before the epoch that was read last: of a log that is read as received
+    /// ([`LogOptions::as_received`]).
+    pub fn take_news(&mut self) -> NavigationData {
+        self.current.take_news()
+    }
+
     /// The file that is being read.
     #[must_use]
     pub const fn current(&self) -> &ObservationSource {
         &self.current
+    }
+
+    /// Bytes of all files that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.bytes_read + self.current.bytes_read()
     }
 
     /// What was skipped so far, with the name of the file.

@@ -7,6 +7,8 @@
 use std::fs::File;
 use std::io::{self, BufRead, Read};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use flate2::read::MultiGzDecoder;
 
@@ -56,6 +58,8 @@ pub enum ReadError {
 pub struct Source {
     name: String,
     input: Box<dyn Read + Send>,
+    /// Bytes that came from outside, packed as they are there.
+    bytes_read: Arc<AtomicU64>,
     inflating: bool,
     buffer: Box<[u8]>,
     /// Unread bytes: `buffer[next..filled]`.
@@ -70,6 +74,20 @@ pub struct Source {
     /// The input ended in the line.
     line_unended: bool,
     line_held: bool,
+}
+
+/// Passes on what it reads, and counts it.
+struct Counted<R> {
+    input: R,
+    bytes: Arc<AtomicU64>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.input.read(buffer)?;
+        self.bytes.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
+    }
 }
 
 /// Whether a file can be opened again and gives the same bytes: a pipe or a terminal does not.
@@ -117,9 +135,11 @@ impl Source {
         input: impl Read + Send + 'static,
         name: impl Into<String>,
     ) -> Result<Self, ReadError> {
+        let bytes_read = Arc::<AtomicU64>::default();
         let mut source = Self {
             name: name.into(),
-            input: Box::new(input),
+            input: Box::new(Counted { input, bytes: Arc::clone(&bytes_read) }),
+            bytes_read,
             inflating: false,
             buffer: vec![0; Self::BUFFER_SIZE].into_boxed_slice(),
             next: 0,
@@ -174,6 +194,12 @@ impl Source {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Bytes that were read so far, as they stand in the file: of a packed one, packed.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.bytes_read.load(Ordering::Relaxed)
     }
 
     /// At least `length` bytes from here on, fewer if the input ends before (at most

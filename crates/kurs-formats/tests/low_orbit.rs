@@ -3,7 +3,8 @@
 //! share no equation with the solution.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
-use std::path::PathBuf;
+#[path = "../../../tests/outside.rs"]
+mod outside;
 
 use kurs::ephemeris::{NavigationData, UtcParameters};
 use kurs::frames::EARTH_RATE_RADPS;
@@ -26,13 +27,7 @@ const CODE_SD_M: f64 = 0.3;
 const UTC_BIAS_S: f64 = 3.4e-7;
 
 fn precise() -> Option<NavigationData> {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let folder = std::env::var_os("KURS_DATA").map_or_else(|| PathBuf::from(root), PathBuf::from);
-    let path = folder.join(PRECISE);
-    if !path.exists() {
-        println!("skipped: no {}", path.display());
-        return None;
-    }
+    let path = outside::recording(PRECISE)?;
     let mut data = NavigationData::default();
     navigation::read(&mut Source::open(path).unwrap(), &mut data).unwrap();
     Some(data)

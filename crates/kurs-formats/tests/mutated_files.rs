@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 mod checks;
+#[path = "../../../tests/outside.rs"]
+mod outside;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,12 +17,9 @@ const START: usize = 24_000;
 /// Own small files, and the starts of the recordings if they are there.
 fn seeds(own: &str, recordings: &str) -> Vec<Vec<u8>> {
     let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let data = std::env::var_os("KURS_DATA").map_or(project.join("../shared/data"), PathBuf::from);
-    if !data.is_dir() {
-        println!("skipped: no recordings in {}", data.display());
-    }
-    let mut paths: Vec<PathBuf> = [project.join("testdata").join(own), data.join(recordings)]
-        .into_iter()
+    let own = project.join("testdata").join(own);
+    let mut paths: Vec<PathBuf> = std::iter::once(own)
+        .chain(outside::recording(recordings))
         .filter_map(|folder| fs::read_dir(folder).ok())
         .flat_map(|entries| entries.map(|entry| entry.unwrap().path()))
         .collect();

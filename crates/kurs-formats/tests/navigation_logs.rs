@@ -1,8 +1,11 @@
 //! Ephemerides in receiver logs: written, read back, and read by `convbin` of RTKLIB.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use kurs::ephemeris::{Ephemeris, GlonassElements, GlonassEphemeris, Message, NavigationData};
@@ -27,13 +30,8 @@ fn is_fnav(e: &Ephemeris) -> bool {
 
 /// Those of the wanted messages.
 fn broadcast_of(wanted: impl Fn(&Ephemeris) -> bool) -> Option<NavigationData> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("KURS_DATA").map_or(default, PathBuf::from);
-    let file = data.join("formats/BRD400DLR_S_20230710000_01D_MN.rnx.gz");
-    let Ok(mut source) = Source::open(file) else {
-        println!("skipped: no recordings in {}", data.display());
-        return None;
-    };
+    let file = outside::recording("formats/BRD400DLR_S_20230710000_01D_MN.rnx.gz")?;
+    let mut source = Source::open(file).unwrap();
     let mut all = NavigationData::default();
     navigation::read(&mut source, &mut all).unwrap();
     let mut nearest: BTreeMap<Satellite, Ephemeris> = BTreeMap::new();
@@ -249,7 +247,7 @@ fn convbin(bytes: &[u8], format: &str) -> Option<NavigationData> {
         .args([Path::new("12:00:00"), Path::new("-n"), &output, &log])
         .output();
     if let Err(error) = run {
-        println!("skipped: convbin: {error}");
+        outside::skipped(&format!("convbin: {error}"));
         return None;
     }
     let mut all = NavigationData::default();

@@ -1,6 +1,9 @@
 //! Navigation files of real receivers and precise orbits; skipped, visibly, where the recordings are
 //! absent.
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -11,13 +14,7 @@ use kurs_formats::source::Source;
 
 /// A file below the folder of recordings, if it is there.
 fn recording(name: &str) -> Option<PathBuf> {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let folder = std::env::var_os("KURS_DATA").map_or_else(|| PathBuf::from(root), PathBuf::from);
-    let path = folder.join(name);
-    if !path.exists() {
-        eprintln!("skipped: no {}", path.display());
-    }
-    path.exists().then_some(path)
+    outside::recording(name)
 }
 
 fn read(name: &str) -> Option<(NavigationData, ReadSummary)> {

@@ -1,19 +1,16 @@
 //! Reads the recordings of `../shared/data` (or `KURS_DATA`): what is in each file.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::path::{Path, PathBuf};
 
 use kurs::observation::AntennaEpoch;
 use kurs_formats::rinex::observation::ObservationReader;
 
 fn data() -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let folder = std::env::var_os("KURS_DATA").map_or_else(|| default.into(), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no recordings in {}", folder.display());
-    None
+    outside::recording("")
 }
 
 /// All epochs of a file, which must be without damage.

@@ -2,6 +2,9 @@
 //! known places of the antennas.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::path::{Path, PathBuf};
 
 use kurs::ephemeris::NavigationData;
@@ -37,13 +40,7 @@ const BROADCAST: &str = "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz";
 const PRECISE: &str = "orbits/GRG0MGXFIN_20201770000_01D_15M_ORB.SP3.gz";
 
 fn data() -> Option<PathBuf> {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
-    let folder = std::env::var_os("KURS_DATA").map_or_else(|| PathBuf::from(root), PathBuf::from);
-    if !folder.is_dir() {
-        println!("skipped: no recordings");
-        return None;
-    }
-    Some(folder)
+    outside::recording("")
 }
 
 /// Root mean square errors, horizontal and vertical, m, and the share of epochs with a position.

@@ -1,6 +1,9 @@
 //! Receiver logs against `convbin` of RTKLIB: the same observations, or a reason why not.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -11,7 +14,7 @@ use kurs::frames::Vector;
 use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal};
 use kurs::time::GpsTime;
-use kurs_formats::logs::LogOptions;
+use kurs_formats::logs::{LogOptions, LogReader};
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
@@ -45,7 +48,7 @@ fn convbin(log: &Path, format: &str, folder: &Path) -> Option<Signals> {
     match run {
         Ok(_) => Some(signals(&output)),
         Err(error) => {
-            println!("skipped: convbin: {error}");
+            outside::skipped(&format!("convbin: {error}"));
             None
         }
     }
@@ -53,12 +56,7 @@ fn convbin(log: &Path, format: &str, folder: &Path) -> Option<Signals> {
 
 /// The recording of a u-blox F9T, unpacked; `None` where there are no recordings.
 fn f9t_log(folder: &Path) -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("KURS_DATA").map_or(default, PathBuf::from);
-    let Ok(packed) = std::fs::File::open(data.join("formats/F9T-L2-5min.ubx.gz")) else {
-        println!("skipped: no recordings in {}", data.display());
-        return None;
-    };
+    let packed = std::fs::File::open(outside::recording("formats/F9T-L2-5min.ubx.gz")?).unwrap();
     let mut bytes = Vec::new();
     flate2::read::GzDecoder::new(packed).read_to_end(&mut bytes).unwrap();
     let log = folder.join("f9t.ubx");
@@ -543,6 +541,179 @@ fn one_of_several_stations_must_be_chosen() {
         assert_eq!(epoch.observations.len(), epochs[0].observations.len());
     }
     assert_eq!((count, source.damage_count()), (9, 0));
+}
+
+/// Epochs and the number of ephemerides that came before each, of a log read as received.
+fn as_received(reader: &mut LogReader) -> Vec<(AntennaEpoch, usize)> {
+    let mut epochs = Vec::new();
+    let mut epoch = AntennaEpoch::default();
+    while reader.next_epoch(&mut epoch).unwrap() {
+        epochs.push((epoch.clone(), reader.take_news().ephemerides.len()));
+    }
+    epochs
+}
+
+/// A log without navigation data, whose receiver gets them before its fifth epoch: as a file and as a
+/// stream that brings one byte after the other.
+#[test]
+fn as_received_an_ephemeris_comes_with_the_epoch_that_follows_it() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let place = Vector::new(4e6, 3e5, 4.9e6);
+    let (none, all) = (NavigationData::default(), navigation());
+    let ubx = |epochs: &[AntennaEpoch], data: &NavigationData| {
+        let mut writer = UbxWriter::new(Vec::new(), data);
+        epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+        writer.finish()
+    };
+    let rtcm = |epochs: &[AntennaEpoch], data: &NavigationData| {
+        let mut writer = Rtcm3Writer::new(Vec::new(), 9, place, data);
+        epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+        writer.finish()
+    };
+    let sbf = |epochs: &[AntennaEpoch], data: &NavigationData| {
+        let mut writer = SbfWriter::new(Vec::new(), data);
+        epochs.iter().for_each(|epoch| writer.write(&[epoch]).unwrap());
+        writer.finish()
+    };
+    type Write<'a> = &'a dyn Fn(&[AntennaEpoch], &NavigationData) -> Vec<u8>;
+    // The writer of UBX puts them behind the epoch, the others before it.
+    let writers: [(&str, Write<'_>, usize); 3] =
+        [("UBX", &ubx, 5), ("RTCM 3", &rtcm, 4), ("SBF", &sbf, 4)];
+    for (format, write, follows) in writers {
+        let bytes = [write(&epochs[..4], &none), write(&epochs[4..], &all)].concat();
+        let options = LogOptions {
+            approximate_time: Some(epochs[0].time + 3600.0),
+            as_received: true,
+            ..LogOptions::default()
+        };
+        let file = Source::new(std::io::Cursor::new(bytes.clone()), "log").unwrap();
+        let Ok(ObservationSource::Log(mut file)) =
+            ObservationSource::from_source_with(file, &options)
+        else {
+            panic!("a log");
+        };
+        let of_file = as_received(&mut file);
+        let counts: Vec<usize> = of_file.iter().map(|(_, count)| *count).collect();
+        let wanted: Vec<usize> = (0..9).map(|number| usize::from(number == follows)).collect();
+        assert_eq!(counts, wanted, "{format}");
+
+        let text = b"$GNGGA,,,*56\r\n";
+        let stream = OneByOne(text.iter().chain(&bytes).copied().collect::<Vec<u8>>().into());
+        let stream = Source::new(stream, "stream").unwrap();
+        let mut stream = LogReader::of_stream(stream, &options).unwrap();
+        assert_eq!(as_received(&mut stream), of_file);
+    }
+}
+
+/// A stream in the smallest pieces.
+struct OneByOne(std::collections::VecDeque<u8>);
+
+impl Read for OneByOne {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let (Some(first), Some(byte)) = (out.first_mut(), self.0.pop_front()) else { return Ok(0) };
+        *first = byte;
+        Ok(1)
+    }
+}
+
+#[test]
+fn a_stream_without_observations_says_what_it_should_have() {
+    let source = Source::new(std::io::Cursor::new(b"$GNGGA,,,*56\r\n".to_vec()), "port").unwrap();
+    let error = LogReader::of_stream(source, &LogOptions::default()).unwrap_err().to_string();
+    assert!(error.starts_with("port: found no observations") && error.contains("MSM"), "{error}");
+}
+
+/// The last message of an epoch ends it, without the first one of the next.
+#[test]
+fn a_stream_of_rtcm_gives_an_epoch_as_soon_as_it_is_there() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let mut writer = Rtcm3Writer::new(Vec::new(), 9, Vector::new(4e6, 3e5, 4.9e6), &navigation());
+    let mut ends = Vec::new();
+    for epoch in &epochs {
+        writer.write(epoch).unwrap();
+    }
+    let bytes = writer.finish();
+    let mut at = 0;
+    for frame in frames(&bytes) {
+        at += frame.len();
+        // MSM: the bit behind 12 + 12 + 30 others says that no other message of the epoch follows.
+        if (1071..1140).contains(&number(frame)) && frame[3 + 6] & 0b10 == 0 {
+            ends.push(at);
+        }
+    }
+    assert_eq!(ends.len(), epochs.len());
+    // The sender is trusted after the first epoch.
+    let options = LogOptions {
+        approximate_time: Some(epochs[0].time),
+        as_received: true,
+        ..LogOptions::default()
+    };
+    for (end, count) in [(0, 1), (1, 2), (2, 3), (7, 8)] {
+        let cut = bytes[..ends[end]].to_vec();
+        // A reader that comes to the end gives what it has: so another message is begun.
+        let stalled = Stalled(std::io::Cursor::new(cut));
+        let mut reader =
+            LogReader::of_stream(Source::new(stalled, "stream").unwrap(), &options).unwrap();
+        let mut epoch = AntennaEpoch::default();
+        let given = core::iter::from_fn(|| reader.next_epoch(&mut epoch).ok()).count();
+        assert_eq!(given, if end == 0 { 0 } else { count }, "after {}", end + 1);
+    }
+}
+
+/// A stream that breaks off where a live one would only wait.
+struct Stalled(std::io::Cursor<Vec<u8>>);
+
+impl Read for Stalled {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        match self.0.read(out)? {
+            0 => Err(std::io::ErrorKind::WouldBlock.into()),
+            count => Ok(count),
+        }
+    }
+}
+
+/// A stream begun with a date that is years off ends, and says which week it is of.
+#[test]
+fn ephemerides_tell_that_the_week_is_wrong() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let numbered = |number: u8| {
+        let mut data = NavigationData::default();
+        for ephemeris in navigation().ephemerides.iter() {
+            let Ephemeris::Glonass(glonass) = ephemeris else { continue };
+            let satellite = Satellite { number, ..glonass.elements().satellite };
+            let elements = GlonassElements { satellite, ..*glonass.elements() };
+            data.ephemerides.insert(Ephemeris::Glonass(GlonassEphemeris::new(elements).unwrap()));
+        }
+        data
+    };
+    let mut data = NavigationData::default();
+    (1..5).for_each(|number| data.update(&numbered(number)));
+    let place = Vector::new(4e6, 3e5, 4.9e6);
+    let mut without = Rtcm3Writer::new(Vec::new(), 9, place, &NavigationData::default());
+    epochs[..4].iter().for_each(|epoch| without.write(epoch).unwrap());
+    let mut with = Rtcm3Writer::new(Vec::new(), 9, place, &data);
+    epochs[4..].iter().for_each(|epoch| with.write(epoch).unwrap());
+    let bytes = [without.finish(), with.finish()].concat();
+    let year_s = 52.0 * 604_800.0;
+    for (off_s, given) in [(year_s, 4), (0.0, 9)] {
+        let options =
+            LogOptions { approximate_time: Some(epochs[0].time + off_s), ..LogOptions::default() };
+        let source = Source::new(std::io::Cursor::new(bytes.clone()), "stream").unwrap();
+        let mut reader = LogReader::of_stream(source, &options).unwrap();
+        let mut epoch = AntennaEpoch::default();
+        let mut count = 0;
+        let outcome = loop {
+            match reader.next_epoch(&mut epoch) {
+                Ok(true) => count += 1,
+                Ok(false) => break String::new(),
+                Err(error) => break error.to_string(),
+            }
+        };
+        assert_eq!(count, given, "{outcome}");
+        let told = reader.told_date().map(|date| (date - epochs[0].time).abs() < 86_400.0);
+        assert_eq!(told, (off_s > 0.0).then_some(true));
+        assert_eq!(outcome.contains("ephemerides of 2024-"), off_s > 0.0, "{outcome}");
+    }
 }
 
 /// CRC-24Q by its polynomial, behind a message whose bits were changed.

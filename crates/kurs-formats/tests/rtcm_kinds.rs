@@ -194,7 +194,7 @@ const PHASES_M: [f64; 2] = [12.3455, -101.25];
 /// 1002, 1004, 1010 or 1012 (tables 3.5-2, 3.5-4, 3.5-10 and 3.5-12) of these satellites; the last
 /// one has no phases, and no range on the second band.
 fn legacy(number: u64, satellites: &[u64]) -> Vec<u8> {
-    let (is_glonass, has_second) = (number >= 1009, number % 4 == 0);
+    let (is_glonass, has_second) = (number >= 1009, number.is_multiple_of(4));
     let mut bits = Bits::default();
     bits.unsigned(12, number);
     bits.unsigned(12, 7);

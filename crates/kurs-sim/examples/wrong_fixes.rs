@@ -7,6 +7,7 @@
 //! survey are known, of the noise nothing is told. Wrong is a fix with a wrong integer, off one with a
 //! baseline off by more than 5 cm and 5 standard deviations.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // whole seconds
 
 #[path = "../tests/solving/mod.rs"]
 mod solving;

@@ -223,6 +223,30 @@ fn an_array_that_lost_an_antenna_forgets_the_turn_about_the_others() {
     assert!(beyond <= 12, "{beyond}");
 }
 
+/// The survey of an array does not average within a session: over sessions, each with an array surveyed
+/// anew to 5 mm, the normalised squares of the angles have their mean.
+#[test]
+fn survey_errors_are_in_the_covariance() {
+    const SESSIONS: usize = 150;
+    let (mut angles, mut fixed) = (0.0, 0);
+    for seed in 0..SESSIONS {
+        let mut scenario = roof(2000 + seed as u64, 1);
+        scenario.array_sd_m = 0.005;
+        let known = settings(&scenario, Constraint::Array);
+        solving::solve(scenario, known, |truth, row, _| {
+            if row.status == Status::Fixed {
+                fixed += 1;
+                let covariance = &row.attitude.as_ref().unwrap().covariance_rad2;
+                angles += normalised_square(&angle_errors(truth, row).unwrap(), covariance);
+            }
+        });
+    }
+    assert!(fixed * 100 >= 90 * SESSIONS, "{fixed} of {SESSIONS} fixed");
+    let mean = angles / fixed as f64;
+    println!("surveyed anew: mean normalised square {mean:.3} of 3 ± {:.3}", band(fixed));
+    assert!((mean - 3.0).abs() < band(fixed), "{mean}");
+}
+
 /// One epoch of each of 300 skies, above the atmosphere, where the models of estimator and simulator
 /// agree: what is left is code noise, and orbits as accurate as they are broadcast (2 m).
 #[test]

@@ -68,7 +68,7 @@ fn the_roof_reaches_the_bound() {
 fn links_are_off_as_often_as_recorded() {
     let mut links = Links::default();
     for name in ["edge", "canopy", "street"] {
-        for seed in 0..48 {
+        for seed in 0..96 {
             let mut scenario = solving::session(name, seed);
             scenario.interval_s = 10.0;
             links.add(&Links::of(&scenario));

@@ -62,8 +62,11 @@ fn coordinates_of_a_car_near_a_station() {
             let found_m = place.geodetic.to_ecef();
             by_code.push((found_m - true_m).norm());
             let sd = |axis: usize| place.covariance_m2[(axis, axis)].sqrt();
-            fixes[place.index] =
-                Some(AntennaFix { position_m: found_m, sd_ned_m: [sd(0), sd(1), sd(2)] });
+            fixes[place.index] = Some(AntennaFix {
+                position_m: found_m,
+                sd_ned_m: [sd(0), sd(1), sd(2)],
+                doubt: None,
+            });
         }
         let epoch = PositionEpoch { time: row.time, antennas: fixes };
         let chain = by_coordinates.push(&epoch, &mut memory);

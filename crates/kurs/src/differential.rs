@@ -9,6 +9,7 @@ use crate::engine::{
     Ambiguities, Constraint, Engine, Estimator, PredictedAttitude, Settings, SettingsError,
     place_body,
 };
+use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
 use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
@@ -47,6 +48,11 @@ impl Differential {
     /// The engine, to add navigation data.
     pub fn engine_mut(&mut self) -> &mut Engine {
         &mut self.engine
+    }
+
+    /// As [`Engine::insert`]: the engine and the station share what is known.
+    pub fn insert(&mut self, news: &NavigationData) {
+        self.engine.insert(news);
     }
 
     /// Attitude, baselines and position of one epoch ([`Engine::push_predicted`]), its coordinates relative to

@@ -1,5 +1,7 @@
 //! Observations: what one antenna measured at one instant, and the time-matched set of all antennas.
 
+pub mod matcher;
+
 use crate::signal::{Satellite, Signal};
 use crate::time::GpsTime;
 

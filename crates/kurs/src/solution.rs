@@ -86,7 +86,7 @@ impl Check {
     #[must_use]
     pub fn fails(&self) -> bool {
         // A value that is no number fails too.
-        !(self.p_value >= self.level)
+        self.p_value.is_nan() || self.p_value < self.level
     }
 }
 

@@ -5,7 +5,6 @@ mod report;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::calibration::sensor_model::{Pose, SensorModel};
@@ -14,8 +13,9 @@ use kurs::calibration::{allan, gyro_bias, multi_pose, six_position};
 use kurs::fusion::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
-use crate::failure::UsageError;
-use crate::output::OutputFile;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::{OutputFile, OutputFolder};
+use crate::pipe::InputFile;
 use crate::sensor_log::{Backwards, SensorLog};
 
 /// Bias, scale and misalignment of accelerometers; bias and noise of gyros.
@@ -65,10 +65,22 @@ struct Input {
     /// Height above the ellipsoid for normal gravity.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
-    /// Folder for calibration.toml and the tables.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    /// Folder for calibration.toml, the tables and report.html.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/calibrate")]
     out: PathBuf,
+    /// Writes report.html; this command always does.
+    #[arg(long)]
+    report: bool,
+    /// Prints the calibration as JSON in place of the closing lines.
+    #[arg(long)]
+    json: bool,
+    /// No closing lines.
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["calibration.toml", "residuals.csv", "allan.csv", "report.html"];
 
 /// The local gravity and how sure it is.
 #[derive(Debug, Clone, Copy)]
@@ -141,6 +153,23 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 impl Input {
+    /// Writes the calibration, gives all files their places and says how it went.
+    fn finish(
+        &self,
+        folder: OutputFolder,
+        calibration: &CalibrationFile,
+        told: &str,
+    ) -> anyhow::Result<ExitCode> {
+        write_toml(folder.path(), calibration)?;
+        folder.publish()?;
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(calibration)?);
+        } else if !self.quiet {
+            println!("{told}written to {}", self.out.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
     /// The local gravity; what is odd about it is told on the way.
     fn gravity(&self) -> Result<Gravity, UsageError> {
         let range = |key: &str, value: f64, least: f64, most: f64| {
@@ -222,7 +251,7 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
 }
 
 fn read(file: &Path) -> anyhow::Result<SensorLog> {
-    let log = SensorLog::read(file, Backwards::LeftOut)?;
+    let log = SensorLog::read(InputFile::open(file)?.path(), Backwards::LeftOut)?;
     log.damage.iter().for_each(|damage| eprintln!("{damage}"));
     if let Some((gaps, longest_s)) = log.gaps() {
         eprintln!(
@@ -254,36 +283,45 @@ fn report_accelerometer(
     if !numbers.chain(&model.bias_mps2).chain(&model.bias_sd_mps2).all(|value| value.is_finite()) {
         bail!("the poses do not determine the calibration: a value of it is no number");
     }
-    println!("{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²", poses.len());
+    let mut told = String::new();
+    writeln!(
+        told,
+        "{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²",
+        poses.len()
+    )?;
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        println!(
+        writeln!(
+            told,
             "{name}: scale {:.6} ± {:.6}, bias {:+.5} ± {:.5} m/s²",
             model.matrix[(axis, axis)],
             model.matrix_sd[(axis, axis)],
             model.bias_mps2[axis],
             model.bias_sd_mps2[axis]
-        );
+        )?;
     }
     let sum: f64 = residuals.iter().map(|residual| residual * residual).sum();
-    println!("length residuals {:.5} m/s² rms", (sum / residuals.len() as f64).sqrt());
+    writeln!(told, "length residuals {:.5} m/s² rms", (sum / residuals.len() as f64).sqrt())?;
     if let Some(pose) = worst_misfit(poses, &residuals) {
-        println!(
+        writeln!(
+            told,
             "the poses do not fit one linear sensor; pose {} fits worst ({:+.3} m/s²): did it move, or is an \
              axis saturated? The stated sigmas do not hold",
             pose + 1,
             residuals[pose]
-        );
+        )?;
     }
     if let Some(common) = model.suspected_gravity_error() {
-        println!(
+        writeln!(
+            told,
             "all three scale factors are off by {:+.2} %: is the local gravity right? {:.3} m/s² would \
              explain it",
             common * 100.0,
             gravity_mps2 * (1.0 + common)
-        );
+        )?;
     }
-    write_residuals(&input.out, poses, &residuals)?;
-    report::accelerometer(&input.out, poses, model, &residuals)?;
+    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
+    write_residuals(folder.path(), poses, &residuals)?;
+    report::accelerometer(folder.path(), poses, model, &residuals)?;
     let table = AccelerometerTable {
         matrix: rows(&model.matrix),
         bias_mps2: model.bias_mps2.into(),
@@ -292,8 +330,8 @@ fn report_accelerometer(
         gravity_mps2,
         gravity_sd_mps2,
     };
-    write_toml(&input.out, &CalibrationFile { accelerometer: Some(table), gyro: None })?;
-    Ok(ExitCode::SUCCESS)
+    let calibration = CalibrationFile { accelerometer: Some(table), gyro: None };
+    input.finish(folder, &calibration, &told)
 }
 
 /// The pose with the largest residual, if that is far beyond the noise of the means.
@@ -345,33 +383,35 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
         instability[axis] = summary.bias_instability;
         curves.push(curve);
     }
-    println!("rest of {:.1} s", samples.len() as f64 * log.step_s());
+    let mut told = String::new();
+    writeln!(told, "rest of {:.1} s", samples.len() as f64 * log.step_s())?;
     let per_hour = 1f64.to_degrees() * 3600.0;
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        println!(
+        writeln!(
+            told,
             "{name}: bias {:+.3} ± {:.3} °/h, noise {:.4} °/√h, bias instability {:.3} °/h",
             bias.bias_radps[axis] * per_hour,
             bias.sd_radps[axis] * per_hour,
             noise[axis].to_degrees() * 60.0,
             instability[axis] * per_hour
-        );
+        )?;
     }
-    let mut table = OutputFile::create(&input.out, "allan.csv")?;
+    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
+    let mut table = OutputFile::create(folder.path(), "allan.csv")?;
     writeln!(table, "tau_s,x_radps,y_radps,z_radps,relative_sd")?;
     for (k, point) in curves[0].iter().enumerate() {
         let [x, y, z] = [0, 1, 2].map(|axis| curves[axis][k].deviation);
         writeln!(table, "{},{x:e},{y:e},{z:e},{:.4}", point.tau_s, point.relative_sd)?;
     }
     table.finish()?;
-    report::gyro(&input.out, &curves)?;
+    report::gyro(folder.path(), &curves)?;
     let gyro = GyroTable {
         bias_radps: bias.bias_radps.into(),
         bias_sd_radps: bias.sd_radps.into(),
         noise_radps_per_sqrt_hz: noise,
         bias_instability_radps: instability,
     };
-    write_toml(&input.out, &CalibrationFile { accelerometer: None, gyro: Some(gyro) })?;
-    Ok(ExitCode::SUCCESS)
+    input.finish(folder, &CalibrationFile { accelerometer: None, gyro: Some(gyro) }, &told)
 }
 
 fn rows(matrix: &nalgebra::Matrix3<f64>) -> [[f64; 3]; 3] {

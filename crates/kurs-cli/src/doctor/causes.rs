@@ -1,29 +1,18 @@
-//! From the trials to causes, the most telling first.
+//! What spoils the fixes of observations that are there: a system, an antenna, reflections, too few
+//! satellites, too little strength.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use kurs::antenna_calibration::MountedAntenna;
-use kurs::array::AntennaArray;
-use kurs::engine::{Constraint, Settings};
-use kurs::ephemeris::NavigationData;
-use kurs::observation::AntennaEpoch;
+use kurs::engine::{Ambiguities, Constraint};
 use kurs::signal::{Band, System};
-use kurs::solution::{SignalResidual, Status};
-use kurs::time::GpsTime;
-use serde::Serialize;
+use kurs::solution::{LeftOut, Reason, SignalResidual, Status};
 
-use super::geometry::{self, Distance};
+use super::patient::{Finding, MANY, MENDED, Patient};
+use super::reasons;
 use super::sample::Sample;
-use super::trials::{self, Trials};
+use super::trials::Trials;
 use super::usage::UsageRow;
-use crate::summary::Damage;
 
-/// A share of the epochs that makes something a cause.
-const MANY: f64 = 0.2;
-/// A trial with this many more of the epochs fixed mends something.
-const MENDED: f64 = 0.3;
-/// A session with this share fixed needs no doctor.
-const WELL: f64 = 0.98;
 /// Phases that fit better by this factor.
 const BETTER_FIT: f64 = 0.7;
 /// Residuals this many times larger than the noise model says are reflections or worse.
@@ -36,201 +25,12 @@ const FEW_SATELLITES: usize = 5;
 /// Which residual of a signal.
 type ResidualOf = fn(&SignalResidual) -> Option<f64>;
 
-/// One cause.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub(super) struct Finding {
-    /// One word for programs.
-    pub(super) code: &'static str,
-    /// In words.
-    pub(super) cause: String,
-    /// What shows it.
-    pub(super) evidence: String,
-    /// What to change.
-    pub(super) advice: String,
-}
-
-/// What is known beforehand.
-pub(super) struct Patient<'a> {
-    pub(super) names: &'a [String],
-    pub(super) settings: &'a Settings,
-    pub(super) array: Option<&'a AntennaArray>,
-    pub(super) navigation: &'a NavigationData,
-    pub(super) mounts: &'a [Option<MountedAntenna>],
-}
-
-/// All causes found.
-pub(super) fn findings(
-    patient: &Patient<'_>,
-    sample: &Sample,
-    trials: &Trials,
-    signals: &[UsageRow],
-    damage: &[Damage],
-) -> Vec<Finding> {
-    let ill = trials.configured.share(Status::Fixed) < WELL;
-    let mut all = Vec::new();
-    if ill {
-        all.extend(patient.times(sample, trials));
-        all.extend(patient.ephemerides(sample, trials));
-        all.extend(patient.bands(sample));
-        all.extend(patient.system(trials));
-        all.extend(patient.geometry(sample, trials));
-        all.extend(patient.antenna(trials));
-        all.extend(phases(signals));
-        all.extend(patient.noise(trials));
-        all.extend(patient.satellites(trials));
-        all.extend(patient.strength(sample, trials, all.is_empty()));
-    }
-    all.extend(broken_files(damage));
-    all
-}
-
 impl Patient<'_> {
-    /// Antennas that are not there together.
-    fn times(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
-        let present = |antenna: usize| {
-            let there = sample.epochs.iter().filter(|e| e.antennas[antenna].is_some());
-            there.count() as f64 / sample.epochs.len() as f64
-        };
-        let apart = trials.configured.share_of_reason("time_mismatch");
-        if apart > MANY {
-            return Some(self.unsynchronised(sample, apart));
-        }
-        if trials.configured.share_of_reason("few_antennas") < MANY {
-            return None;
-        }
-        if take_turns(sample) {
-            return Some(self.unsynchronised(sample, 1.0));
-        }
-        let shares: Vec<String> = (0..self.names.len())
-            .map(|a| format!("{} {:.0} %", self.names[a], 100.0 * present(a)))
-            .collect();
-        Some(Finding {
-            code: "missing_antenna",
-            cause: "the antennas are not observed at the same time".into(),
-            evidence: format!("epochs of each antenna: {}; {}", shares.join(", "), sample.spans),
-            advice: "give files of the same hours for every antenna; look for a receiver that fell silent".into(),
-        })
-    }
-
-    /// Receivers that sample at different instants.
-    fn unsynchronised(&self, sample: &Sample, share: f64) -> Finding {
-        let tags = |antenna: usize| {
-            let epochs = sample.epochs.iter().filter_map(move |e| e.antennas[antenna].as_ref());
-            epochs.map(|e| e.time)
-        };
-        let within_second = |time: GpsTime| time.tow_s().rem_euclid(1.0);
-        let offsets: Vec<String> = (0..self.names.len())
-            .filter_map(|a| {
-                Some(format!("{} at {:.3} s", self.names[a], within_second(tags(a).next()?)))
-            })
-            .collect();
-        Finding {
-            code: "unsynchronised",
-            cause: "the receivers do not sample at the same instants".into(),
-            evidence: format!(
-                "{:.0} % of the epochs; first tags within the second: {}",
-                100.0 * share,
-                offsets.join(", ")
-            ),
-            advice:
-                "set all receivers to the same rate, aligned to GPS time; heading needs samples \
-                     within 10 ms of each other"
-                    .into(),
-        }
-    }
-
-    /// Navigation data of another day, or none for the satellites in view.
-    fn ephemerides(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
-        let share = trials.configured.share_of_reason("no_ephemeris");
-        if share < MANY {
-            return None;
-        }
-        let times = || self.navigation.ephemerides.iter().map(|e| e.reference_time());
-        let (first, last) = (times().min()?, times().max()?);
-        let (from, to) = (sample.epochs.first()?.time, sample.epochs.last()?.time);
-        Some(Finding {
-            code: "navigation_day",
-            cause: "the navigation data are not of the time of the observations".into(),
-            evidence: format!("ephemerides from {first} to {last}, observations from {from} to {to}"),
-            advice: "give the navigation file of the same day (and the neighbouring one around midnight)"
-                .into(),
-        })
-    }
-
-    /// Wanted bands that no two antennas have.
-    fn bands(&self, sample: &Sample) -> Option<Finding> {
-        let of_antenna = |antenna: usize| -> BTreeSet<Band> {
-            let epochs = sample.epochs.iter().filter_map(|e| e.antennas[antenna].as_ref());
-            epochs.flat_map(|e| e.observations.iter().map(|o| o.signal.band)).collect()
-        };
-        let have: Vec<BTreeSet<Band>> = (0..self.names.len()).map(of_antenna).collect();
-        let shared = |band: &Band| have.iter().filter(|bands| bands.contains(band)).count() >= 2;
-        if have.iter().flatten().any(|band| self.settings.wants(*band) && shared(band)) {
-            return None;
-        }
-        let listed = self.names.iter().zip(&have).map(|(name, bands)| {
-            let bands: Vec<String> = bands.iter().map(Band::to_string).collect();
-            format!("{name}: {}", bands.join(" "))
-        });
-        Some(Finding {
-            code: "no_common_band",
-            cause: "no two antennas share a wanted band".into(),
-            evidence: listed.collect::<Vec<_>>().join("; "),
-            advice: "set `bands` to bands that every antenna has".into(),
-        })
-    }
-
-    /// Swapped or misplaced antennas.
-    fn geometry(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
-        let array = self.array?;
-        let sd_m = self.settings.array_sd_m;
-        let distances = if trials.free.share(Status::Fixed) > MANY {
-            geometry::distances(&trials.free, array)
-        } else {
-            geometry::scanned(self, sample, array)
-        };
-        let wrong: Vec<&Distance> = distances.iter().filter(|d| d.is_wrong(sd_m)).collect();
-        if wrong.is_empty() {
-            return None;
-        }
-        let name = |antenna: usize| &self.names[antenna];
-        let listed: Vec<String> = wrong
-            .iter()
-            .map(|d| {
-                let (first, second) = (name(d.first), name(d.second));
-                format!("{first}-{second} {:.3} m, configured {:.3} m", d.found_m, d.known_m)
-            })
-            .collect();
-        let evidence = format!("distances in the data: {}", listed.join("; "));
-        if let Some(order) = geometry::swapped(&distances, array, sd_m) {
-            let moved: Vec<String> = (0..order.len())
-                .filter(|i| order[*i] != *i)
-                .map(|i| format!("the data of {} fit the place of {}", name(i), name(order[i])))
-                .collect();
-            return Some(Finding {
-                code: "swapped_antennas",
-                cause: "antennas are swapped".into(),
-                evidence: format!("{}; {evidence}", moved.join(", ")),
-                advice: "exchange the `obs` files or the `position_m` of these antennas".into(),
-            });
-        }
-        let cause = match geometry::misplaced(&distances, array.len(), sd_m) {
-            Some(antenna) => format!("the position of antenna {} is wrong", name(antenna)),
-            None => "the configured geometry is wrong".into(),
-        };
-        Some(Finding {
-            code: "wrong_geometry",
-            cause,
-            evidence,
-            advice: "measure again, or take the positions of `kurs survey`".into(),
-        })
-    }
-
     /// A constellation that spoils the others: left out by the engine already, or better left out.
-    fn system(&self, trials: &Trials) -> Option<Finding> {
+    pub(super) fn system(&self, trials: &Trials) -> Option<Finding> {
         let systems = trials.without_system.iter().map(|(system, _)| *system);
         let most = systems
-            .map(|system| (system, trials.configured.share_without(system)))
+            .map(|system| (system, trials.configured.share_without(LeftOut::System(system))))
             .max_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((system, share)) = most.filter(|(_, share)| *share > MENDED) {
             let evidence =
@@ -257,17 +57,64 @@ impl Patient<'_> {
     fn bad_system(system: System, evidence: String) -> Finding {
         Finding {
             code: "bad_system",
-            cause: format!("the phases of {} do not fit the others", words(system)),
+            cause: format!("the phases of {system} do not fit the others"),
             evidence,
             advice: format!(
-                "leave its bands out of `bands`; unlike receivers may have biases for {}",
-                words(system)
+                "leave its bands out of `bands`; unlike receivers may have biases for {system}"
             ),
         }
     }
 
+    /// A band that the engine leaves out, or satellites at one antenna.
+    pub(super) fn band_or_links(&self, trials: &Trials, sample: &Sample) -> Option<Finding> {
+        let configured = &trials.configured;
+        let bands = sample.shared_bands().into_iter();
+        let shares = bands.map(|band| (band, configured.share_without(LeftOut::Band(band))));
+        let most = shares.max_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((band, share)) = most.filter(|(_, share)| *share > MENDED) {
+            return Some(Finding {
+                code: "bad_band",
+                cause: format!("the phases of band {band} do not fit the others"),
+                evidence: format!("{:.1} % of the epochs are fixed without it only", 100.0 * share),
+                advice:
+                    "leave it out of `bands`; look for interference, and at the firmware of the \
+                         receivers"
+                        .into(),
+            });
+        }
+        let antennas = 0..self.names.len();
+        let shares = antennas.map(|antenna| (antenna, configured.share_without_link(antenna)));
+        let (antenna, share) = shares.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (share > MENDED).then(|| Finding {
+            code: "bad_view",
+            cause: format!("something near antenna {} bends single signals", self.names[antenna]),
+            evidence: format!(
+                "{:.1} % of the epochs are fixed only without the phases of one satellite there",
+                100.0 * share
+            ),
+            advice: "free its view of the sky: edges and metal near an antenna delay phases by \
+                     centimetres"
+                .into(),
+        })
+    }
+
+    /// An antenna that has observations and no part in the solution.
+    pub(super) fn idle_antenna(&self, trials: &Trials) -> Option<Finding> {
+        let ((antenna, reason), count) = trials.configured.most_idle()?;
+        let of = trials.configured.rows.len();
+        (count as f64 > MANY * of as f64).then(|| Finding {
+            code: "idle_antenna",
+            cause: format!("antenna {} has no part in the solution", self.names[antenna]),
+            evidence: format!(
+                "in {count} of {of} epochs: {} (`{reason}`)",
+                reasons::meaning(reason.word())
+            ),
+            advice: reasons::advice(reason.word()).into(),
+        })
+    }
+
     /// An antenna that spoils the others.
-    fn antenna(&self, trials: &Trials) -> Option<Finding> {
+    pub(super) fn antenna(&self, trials: &Trials) -> Option<Finding> {
         let before = trials.free.share(Status::Fixed);
         let (antenna, share) = trials
             .without_antenna
@@ -286,10 +133,12 @@ impl Patient<'_> {
         })
     }
 
-    /// Residuals as reflections make them; `rms` takes them to the zenith.
-    fn noise(&self, trials: &Trials) -> Option<Finding> {
+    /// Residuals as reflections make them; `rms` takes them to the zenith. Those against a wrong shape
+    /// tell nothing.
+    pub(super) fn noise(&self, trials: &Trials, is_misshapen: bool) -> Option<Finding> {
+        let configured = if is_misshapen { &[][..] } else { &trials.configured.rows };
         let rms = |of: ResidualOf, antenna: Option<usize>| {
-            let rows = trials.configured.rows.iter().chain(&trials.free.rows);
+            let rows = configured.iter().chain(&trials.free.rows);
             let residuals = rows.flat_map(|row| &row.residuals);
             let chosen = residuals.filter(|r| antenna.is_none_or(|a| r.antenna == a));
             let at_zenith = chosen.filter_map(|r| Some(of(r)? * r.elevation_rad.sin()));
@@ -334,41 +183,53 @@ impl Patient<'_> {
         })
     }
 
-    /// Too few satellites.
-    fn satellites(&self, trials: &Trials) -> Option<Finding> {
-        let rows = &trials.configured.rows;
-        let mut shared: Vec<usize> = rows.iter().map(|row| row.shared_satellites).collect();
+    /// Too few satellites, in epochs that lack nothing else.
+    pub(super) fn satellites(&self, trials: &Trials) -> Option<Finding> {
+        let lacks_other = |reason: Option<Reason>| {
+            matches!(
+                reason,
+                Some(
+                    Reason::FewAntennas
+                        | Reason::NoEphemeris
+                        | Reason::TimeMismatch
+                        | Reason::BadInput
+                )
+            )
+        };
+        let rows = trials.configured.rows.iter().filter(|row| !lacks_other(row.reason));
+        let mut shared: Vec<usize> = rows.map(|row| row.shared_satellites).collect();
         shared.sort_unstable();
         let median = *shared.get(shared.len() / 2)?;
         let mask_deg = self.settings.elevation_mask_rad.to_degrees();
-        (median < FEW_SATELLITES).then(|| Finding {
+        let too_few = trials.configured.share_of_reason("few_satellites");
+        (median < FEW_SATELLITES || too_few > MANY).then(|| Finding {
             code: "few_satellites",
             cause: "few satellites are shared by the antennas".into(),
-            evidence: format!("{median} in the median epoch, above {mask_deg:.0}°"),
+            evidence: format!(
+                "{median} in the median epoch, above {mask_deg:.0}°; too few in {:.0} % of the epochs",
+                100.0 * too_few
+            ),
             advice: "lower `elevation_mask_deg`, use every system, free the antennas' view".into(),
         })
     }
 
     /// Nothing is wrong, there is just too little of it.
-    fn strength(&self, sample: &Sample, trials: &Trials, nothing_else: bool) -> Option<Finding> {
-        let unsure: f64 = ["ratio", "weak_model", "success_rate"]
+    pub(super) fn strength(&self, trials: &Trials) -> Option<Finding> {
+        let unsure: f64 = ["ratio", "weak_model", "success_rate", "unproven"]
             .iter()
             .map(|word| trials.configured.share_of_reason(word))
             .sum();
-        if !nothing_else || unsure < MANY {
+        if unsure < MANY {
             return None;
         }
-        let used = trials::bands(sample, self.settings).len();
-        let every = trials::bands(sample, &Settings { bands: None, ..self.settings.clone() }).len();
         let mut advice = Vec::new();
-        if every > used {
-            advice.push(format!("use all {every} bands that the files have (now {used})"));
-        }
         if self.settings.constraint == Constraint::None {
-            advice.push("give the antennas' positions: known geometry is worth a band".to_owned());
+            advice.push("give the antennas' positions: known geometry is worth a band");
         }
-        advice
-            .push("set `ambiguity = \"continuous\"`, which gathers strength over time".to_owned());
+        if self.settings.ambiguities == Ambiguities::Instantaneous {
+            advice.push("set `ambiguity = \"continuous\"`, which gathers strength over time");
+        }
+        advice.push("use receivers with more bands and systems");
         Some(Finding {
             code: "weak_model",
             cause: "the observations are too weak to be sure of the integers".into(),
@@ -379,10 +240,28 @@ impl Patient<'_> {
             advice: advice.join("; "),
         })
     }
+
+    /// Bands that two antennas have and that are not wanted.
+    pub(super) fn unused_bands(&self, sample: &Sample) -> Option<Finding> {
+        let (used, unused): (BTreeSet<Band>, BTreeSet<Band>) =
+            sample.shared_bands().into_iter().partition(|band| self.settings.wants(*band));
+        if unused.is_empty() {
+            return None;
+        }
+        let listed = |bands: &BTreeSet<Band>| {
+            bands.iter().map(Band::to_string).collect::<Vec<_>>().join(" ")
+        };
+        Some(Finding {
+            code: "unused_bands",
+            cause: format!("{} stand beside unused", listed(&unused)),
+            evidence: format!("two antennas have them; `bands` wants {}", listed(&used)),
+            advice: "leave `bands` out to use every shared band".into(),
+        })
+    }
 }
 
 /// Phases that cannot be integers.
-fn phases(signals: &[UsageRow]) -> Option<Finding> {
+pub(super) fn phases(signals: &[UsageRow]) -> Option<Finding> {
     let count = |word: &str| -> usize {
         signals.iter().map(|row| row.refused.get(word).copied().unwrap_or(0)).sum()
     };
@@ -405,56 +284,4 @@ fn phases(signals: &[UsageRow]) -> Option<Finding> {
             advice: advice.into(),
         }
     })
-}
-
-/// Damage in the files.
-fn broken_files(damage: &[Damage]) -> Option<Finding> {
-    let first = damage.first()?;
-    Some(Finding {
-        code: "damage",
-        cause: format!("{} places in the files cannot be read", damage.len()),
-        evidence: format!("first: {}:{}: {}", first.file, first.line, first.what),
-        advice: "copy or convert the files again; what surrounds the damage is used".into(),
-    })
-}
-
-/// Whether some antennas have epochs just where others have none, and the other way round.
-fn take_turns(sample: &Sample) -> bool {
-    let mut sets: BTreeMap<Vec<bool>, usize> = BTreeMap::new();
-    for epoch in &sample.epochs {
-        *sets.entry(epoch.antennas.iter().map(Option::is_some).collect()).or_default() += 1;
-    }
-    let often = |count: usize| count as f64 > MANY * sample.epochs.len() as f64;
-    let frequent: Vec<&Vec<bool>> =
-        sets.iter().filter(|(_, count)| often(**count)).map(|(set, _)| set).collect();
-    let disjoint = |a: &[bool], b: &[bool]| a.iter().zip(b).all(|(one, other)| !(*one && *other));
-    frequent.iter().any(|a| frequent.iter().any(|b| disjoint(a, b))) && overlap(sample)
-}
-
-/// Whether the antennas' spans overlap.
-fn overlap(sample: &Sample) -> bool {
-    let antennas = sample.epochs.first().map_or(0, |e| e.antennas.len());
-    let span = |antenna: usize| {
-        let times = sample
-            .epochs
-            .iter()
-            .filter_map(|e| e.antennas[antenna].as_ref().map(|a: &AntennaEpoch| a.time));
-        Some((times.clone().next()?, times.max()?))
-    };
-    let spans: Vec<_> = (0..antennas).filter_map(span).collect();
-    let latest_start = spans.iter().map(|s| s.0).max();
-    let earliest_end = spans.iter().map(|s| s.1).min();
-    latest_start < earliest_end
-}
-
-pub(super) fn words(system: System) -> &'static str {
-    match system {
-        System::Gps => "GPS",
-        System::Galileo => "Galileo",
-        System::BeiDou => "BeiDou",
-        System::Glonass => "GLONASS",
-        System::Qzss => "QZSS",
-        System::NavIc => "NavIC",
-        System::Sbas => "SBAS",
-    }
 }

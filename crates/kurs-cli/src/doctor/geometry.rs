@@ -6,7 +6,7 @@ use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::Status;
 
-use super::causes::Patient;
+use super::patient::Patient;
 use super::sample::Sample;
 use super::trials::Trial;
 
@@ -77,11 +77,12 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
 }
 
 /// Where nothing is fixed without a length: the length of each baseline from the first antenna with
-/// which most epochs are fixed.
+/// which most epochs are fixed, near the known one or at these multiples of it.
 pub(super) fn scanned(
     patient: &Patient<'_>,
     sample: &Sample,
     array: &AntennaArray,
+    factors: &[f64],
 ) -> Vec<Distance> {
     let step = sample.epochs.len().div_ceil(SCAN_EPOCHS).max(1);
     let fixes = |second: usize, length_m: f64| {
@@ -109,7 +110,9 @@ pub(super) fn scanned(
     for second in 1..array.len() {
         let known_m = array.baseline_m(second).norm();
         let lengths = (-SCAN_STEPS..=SCAN_STEPS).map(|k| known_m + f64::from(k) * SCAN_STEP_M);
+        let scaled = factors.iter().map(|factor| known_m * factor);
         let best = lengths
+            .chain(scaled)
             .filter(|length_m| *length_m > SCAN_STEP_M)
             .map(|length_m| (fixes(second, length_m), length_m))
             // Among equals the nearest to what is configured.
@@ -180,7 +183,7 @@ fn permute(order: &mut Vec<usize>, from: usize, all: &mut Vec<Vec<usize>>) {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -5,39 +5,76 @@
 //! mends is.
 
 mod causes;
+mod diagnosis;
 mod geometry;
-mod sample;
+mod patient;
+mod presence;
+mod reasons;
+pub(crate) mod sample;
+mod shape;
 mod trials;
 mod usage;
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use kurs::array::AntennaArray;
+use kurs_formats::source::can_be_read_again;
 use serde::Serialize;
 
-use crate::output;
-use crate::solve::config::{self, Overrides};
+use crate::failure::ExitCode;
+use crate::integers::{CheckRow, IdleRow, Integers, LeftOutRow};
+use crate::output::{self, OutputFolder};
+use crate::page::Page;
+use crate::solve::config::Loaded;
+use crate::solve::session_args::SessionArgs;
 use crate::solve::{Input, antenna_names};
-use causes::Finding;
+use crate::summary::Damage;
+use patient::{Finding, Patient};
 use sample::Sample;
 use trials::Trials;
 use usage::{UsageRow, usage};
 
+/// A session with this share fixed needs no doctor.
+pub(crate) const WELL: f64 = 0.98;
+/// Epochs that are solved in every way.
+const MAX_EPOCHS: usize = 400;
+/// The same where another command asks.
+const MAX_EPOCHS_IN_PASSING: usize = 100;
+
 /// Says in words why there is no fix, and what to change.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file (TOML) as for `kurs solve`.
-    config: PathBuf,
-    /// Sets a key of the table `solve`, or `table.key`.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    session: SessionArgs,
     /// Folder for doctor.json.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/doctor")]
     out: PathBuf,
     /// Lists every satellite, band and antenna, not only the sums.
     #[arg(long)]
     signals: bool,
+    /// Writes report.html: the findings on one page.
+    #[arg(long)]
+    report: bool,
+    /// Prints doctor.json in place of the text.
+    #[arg(long)]
+    json: bool,
+    /// No text.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["doctor.json", "report.html"];
+
+/// What was found in a session.
+struct Examination {
+    sample: Sample,
+    /// Absent where the files themselves tell everything.
+    trials: Option<Trials>,
+    /// As configured.
+    integers: Integers,
+    signals: Vec<UsageRow>,
+    findings: Vec<Finding>,
 }
 
 /// `doctor.json`.
@@ -46,56 +83,129 @@ struct File<'a> {
     version: &'static str,
     epochs: usize,
     sampled: usize,
+    fixed_of_session: Option<f64>,
     findings: &'a [Finding],
     trials: Vec<trials::TrialRow>,
+    checks: Vec<CheckRow>,
+    left_out: Vec<LeftOutRow<'a>>,
+    idle_antennas: Vec<IdleRow<'a>>,
     signals: &'a [UsageRow],
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let overrides = Overrides { set: &args.set, ..Overrides::default() };
-    let loaded = config::load(Some(&args.config), &overrides)?;
-    let settings = loaded.settings()?;
-    let names = antenna_names(&loaded);
-    let Input { navigation, mut streams, phase_centers, damage } = Input::open(&loaded)?;
-    let mounts = phase_centers.mounts;
-    let sample = Sample::take(&mut streams)?;
-
-    let trials = Trials::run(&settings, &navigation, &mounts, &sample, &names);
-    let signals = usage(&sample, &trials.configured, &navigation, &settings, &names);
-    let array: Option<&AntennaArray> = settings.array.as_ref();
-    let patient = causes::Patient {
-        names: &names,
-        settings: &settings,
-        array,
-        navigation: &navigation,
-        mounts: &mounts,
-    };
-    let findings = causes::findings(&patient, &sample, &trials, &signals, &damage);
-
-    println!("{} of {} epochs were solved in each of these ways:", sample.epochs.len(), sample.of);
-    print!("{}", trials.text());
-    print!("{}", usage::text(&signals, &names, args.signals));
-    for (number, finding) in findings.iter().enumerate() {
-        println!(
-            "\n{}. {}\n   {}\n   -> {}",
-            number + 1,
-            finding.cause,
-            finding.evidence,
-            finding.advice
-        );
-    }
-    if findings.is_empty() {
-        println!("\nnothing is wrong: {}", trials.configured.share_text());
-    }
+    let mut session = args.session.load()?;
+    // The sample leaves epochs out, and causes are looked for with everything that is known.
+    session.loaded.config.nav.as_received = false;
+    let examination = examine(&session.loaded, MAX_EPOCHS)?;
+    let names = antenna_names(&session.loaded);
+    let told = examination.text(&names, args.signals);
+    let Examination { sample, trials, integers, signals, findings } = &examination;
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
         epochs: sample.of,
         sampled: sample.epochs.len(),
-        findings: &findings,
-        trials: trials.rows(),
-        signals: &signals,
+        fixed_of_session: examination.fixed_of_session(),
+        findings,
+        trials: trials.as_ref().map_or_else(Vec::new, Trials::rows),
+        checks: integers.failed(),
+        left_out: integers.left_out(),
+        idle_antennas: integers.idle(&names),
+        signals,
     };
-    output::write_json(&args.out, "doctor.json", &file)?;
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
+    output::write_json(folder.path(), "doctor.json", &file)?;
+    if args.report {
+        let mut page = Page::new("Kurs: why there is no fix");
+        for Finding { cause, evidence, advice, .. } in findings {
+            page.heading(cause);
+            page.paragraph(evidence);
+            page.paragraph(advice);
+        }
+        page.heading("What was tried");
+        page.columns(&told);
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+    }
+    folder.publish()?;
+    match (args.json, args.quiet) {
+        (true, _) => println!("{}", serde_json::to_string_pretty(&file)?),
+        (false, false) => print!("{told}"),
+        (false, true) => {}
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Solves a sample of the session in several ways, and finds causes.
+fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
+    let settings = loaded.settings()?;
+    let names = antenna_names(loaded);
+    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
+    let mounts = phase_centers.mounts;
+    let sample = Sample::take(&mut streams, max_epochs)?;
+    damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    if let Some(copy) = presence::one_recording(&names, &sample) {
+        let findings = std::iter::once(copy).chain(presence::broken_files(&damage)).collect();
+        let (integers, signals) = (Integers::default(), Vec::new());
+        return Ok(Examination { sample, trials: None, integers, signals, findings });
+    }
+    let trials = Trials::run(&settings, &navigation, &mounts, &sample, &names);
+    let integers = Integers::of(&trials.configured.rows, &names);
+    let signals = usage(&sample, &trials.configured, &navigation, &settings, &names);
+    let patient = Patient {
+        names: &names,
+        settings: &settings,
+        array: settings.array.as_ref(),
+        navigation: &navigation,
+        mounts: &mounts,
+    };
+    let findings = diagnosis::findings(&patient, &sample, &trials, &signals, &integers, &damage);
+    Ok(Examination { sample, trials: Some(trials), integers, signals, findings })
+}
+
+/// The first finding in one line, for the end of another command; where the files cannot be read
+/// again, what the most frequent reason means.
+pub(crate) fn in_one_line(loaded: &Loaded, main_reason: Option<&'static str>) -> String {
+    let can_be_examined = loaded.input_files().iter().all(can_be_read_again);
+    let examination =
+        can_be_examined.then(|| examine(loaded, MAX_EPOCHS_IN_PASSING).ok()).flatten();
+    match examination.as_ref().and_then(|found| found.findings.first()) {
+        Some(Finding { cause, evidence, .. }) => {
+            format!("{cause} ({evidence}); `kurs doctor` says more")
+        }
+        None => main_reason.map_or("the reason is not known", reasons::meaning).to_owned(),
+    }
+}
+
+impl Examination {
+    /// Share of the session's epochs that are fixed, gaps included.
+    fn fixed_of_session(&self) -> Option<f64> {
+        let trials = self.trials.as_ref()?;
+        Some(diagnosis::fixed_of_session(&self.sample, trials))
+    }
+
+    /// For the terminal.
+    fn text(&self, names: &[String], every_signal: bool) -> String {
+        let mut text = String::new();
+        if let Some(trials) = &self.trials {
+            let (sampled, of) = (self.sample.epochs.len(), self.sample.of);
+            let _ = writeln!(text, "{sampled} of {of} epochs were solved in each of these ways:");
+            text += &trials.text();
+            for sentence in self.integers.sentences(names) {
+                let _ = writeln!(text, "as configured: {sentence}");
+            }
+            text += &usage::text(&self.signals, names, every_signal);
+        }
+        for (number, Finding { cause, evidence, advice, .. }) in self.findings.iter().enumerate() {
+            let _ = writeln!(text, "\n{}. {cause}\n   {evidence}\n   -> {advice}", number + 1);
+        }
+        if let (true, Some(share)) = (self.findings.is_empty(), self.fixed_of_session()) {
+            let _ = writeln!(
+                text,
+                "\nnothing is wrong: {:.1} % of the session is fixed",
+                100.0 * share
+            );
+        }
+        text
+    }
 }

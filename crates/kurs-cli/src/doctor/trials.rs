@@ -3,16 +3,21 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use kurs::antenna_calibration::MountedAntenna;
+use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::ephemeris::NavigationData;
+use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::{Band, System};
-use kurs::solution::{EpochSolution, LeftOut, Status};
+use kurs::solution::{EpochSolution, LeftOut, Reason, Status};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::causes;
 use super::sample::Sample;
+
+/// Arrays thinner than this are flat: their mirror image is themselves, turned.
+const MIN_THICKNESS_M: f64 = 0.03;
 
 /// A way to solve the sample, and what came of it.
 pub(super) struct Trial {
@@ -29,6 +34,8 @@ pub(super) struct Trials {
     pub(super) without_system: Vec<(System, Trial)>,
     /// Without one antenna each, if three or more are there.
     pub(super) without_antenna: Vec<(usize, Trial)>,
+    /// With the mirror image of the known array, where that is another array.
+    pub(super) mirrored: Option<Trial>,
 }
 
 /// A trial in `doctor.json`.
@@ -72,7 +79,7 @@ impl Trials {
         let without_system = several.into_par_iter().map(|system| {
             let others = bands.iter().copied().filter(|band| band.system != system).collect();
             let settings = Settings { bands: Some(others), ..settings.clone() };
-            let name = format!("without {}", causes::words(system));
+            let name = format!("without {system}");
             (system, solve(name, &settings, &sample.epochs))
         });
         let removable = if names.len() > 2 { names.len() } else { 0 };
@@ -83,7 +90,12 @@ impl Trials {
             }
             (antenna, solve(format!("without {}", names[antenna]), &free, &epochs))
         });
+        let mirrored = settings.array.as_ref().and_then(mirror_image).map(|image| {
+            let settings = Settings { array: Some(image), ..settings.clone() };
+            solve("mirror image".into(), &settings, &sample.epochs)
+        });
         Self {
+            mirrored,
             without_system: without_system.collect(),
             without_antenna: without_antenna.collect(),
             configured: solve("as configured".into(), &settings, &sample.epochs),
@@ -96,6 +108,7 @@ impl Trials {
             .into_iter()
             .chain(self.without_system.iter().map(|(_, trial)| trial))
             .chain(self.without_antenna.iter().map(|(_, trial)| trial))
+            .chain(&self.mirrored)
     }
 
     /// For `doctor.json`.
@@ -142,11 +155,29 @@ impl Trial {
         reasons
     }
 
-    /// Share of the epochs whose integers do without a system.
-    pub(super) fn share_without(&self, system: System) -> f64 {
-        let left_out = Some(LeftOut::System(system));
-        let rows = self.rows.iter().filter(|row| row.left_out == left_out);
+    /// Share of the epochs whose integers do without this.
+    pub(super) fn share_without(&self, left_out: LeftOut) -> f64 {
+        self.share_where(|row| row.left_out == Some(left_out))
+    }
+
+    /// Share of the epochs whose integers do without some satellite at this antenna.
+    pub(super) fn share_without_link(&self, of: usize) -> f64 {
+        let is_link = |left_out| matches!(left_out, LeftOut::Link { antenna, .. } if antenna == of);
+        self.share_where(|row| row.left_out.is_some_and(is_link))
+    }
+
+    fn share_where(&self, holds: impl Fn(&EpochSolution) -> bool) -> f64 {
+        let rows = self.rows.iter().filter(|row| holds(row));
         rows.count() as f64 / self.rows.len().max(1) as f64
+    }
+
+    /// The antenna and the reason for which it most often had no part, and the number of epochs.
+    pub(super) fn most_idle(&self) -> Option<((usize, Reason), usize)> {
+        let mut counts = BTreeMap::new();
+        for idle in self.rows.iter().flat_map(|row| &row.idle_antennas) {
+            *counts.entry(*idle).or_default() += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count)
     }
 
     /// Share of the epochs that have this reason.
@@ -161,14 +192,17 @@ impl Trial {
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(f64::INFINITY)
     }
+}
 
-    pub(super) fn share_text(&self) -> String {
-        format!(
-            "{:.1} % of {} epochs are fixed",
-            100.0 * self.share(Status::Fixed),
-            self.rows.len()
-        )
-    }
+/// The array with right and left exchanged; `None` where that is the same array turned: antennas in
+/// one plane.
+fn mirror_image(array: &AntennaArray) -> Option<AntennaArray> {
+    let places: Vec<Vector3<f64>> = array.positions_m().iter().map(Vector::xyz).collect();
+    let centre = places.iter().sum::<Vector3<f64>>() / places.len() as f64;
+    let spread: Matrix3<f64> = places.iter().map(|p| (p - centre) * (p - centre).transpose()).sum();
+    let thickness_m = spread.symmetric_eigenvalues().min().max(0.0).sqrt();
+    let image = places.iter().map(|p| Vector::new(p.x, -p.y, p.z)).collect();
+    AntennaArray::new(image).ok().filter(|_| thickness_m > MIN_THICKNESS_M)
 }
 
 /// Bands that two antennas have and that are wanted.

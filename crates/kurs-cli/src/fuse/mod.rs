@@ -12,20 +12,27 @@ mod imu;
 mod tilt;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use kurs::frames::Attitude;
 
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::report::Words;
+use crate::summary::Summary;
+use crate::window::Window;
 
 /// GNSS joined with inertial sensors: a rotating arm, or antennas with a gyro.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Configuration file (TOML): with [arm], with [antennas] and [imu], or with [tilt] and [imu].
     config: PathBuf,
+    /// Sets a key of the table `filter` (with [tilt]: `tilt`), or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
     /// Folder for the outputs.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/fuse")]
     out: PathBuf,
     /// Compares with the truth.csv of a simulation.
     #[arg(long, value_name = "FILE")]
@@ -33,13 +40,33 @@ pub(crate) struct Args {
     /// Writes what the simulated arm would have recorded, with a configuration to fuse it, and stops.
     #[arg(long, value_name = "DIR")]
     write_inputs: Option<PathBuf>,
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
+    /// maps, track.geojson and track.kml.
+    #[arg(long)]
+    report: bool,
+    /// Prints summary.json in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// No closing summary.
     #[arg(long, short)]
     quiet: bool,
 }
 
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "attitude.csv",
+    "smoothed.csv",
+    "health.csv",
+    "tilt.csv",
+    "summary.json",
+    "report.html",
+    "track.geojson",
+    "track.kml",
+];
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    args.window.check()?;
     let tables: toml::Table = config_file::read(&args.config)?;
     match ["arm", "antennas", "tilt"].map(|table| tables.contains_key(table)) {
         [true, false, false] => arm::run(args),
@@ -56,4 +83,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 fn attitude(angles_deg: [f64; 3]) -> Attitude {
     let [heading_rad, pitch_rad, roll_rad] = angles_deg.map(f64::to_radians);
     Attitude { heading_rad, pitch_rad, roll_rad }
+}
+
+/// What stands beside the plots of a report; the first of the files is the configuration.
+fn words<'a>(title: &'a str, summary: &Summary, files: &[PathBuf]) -> Words<'a> {
+    let input = |file: &PathBuf| ["input".to_owned(), file.display().to_string()];
+    let configuration = files.first().and_then(|file| std::fs::read_to_string(file).ok());
+    Words {
+        title,
+        inputs: files.iter().map(input).collect(),
+        headline: summary.headline(),
+        moments: summary.means(),
+        configuration: configuration.unwrap_or_default(),
+        ephemerides: None,
+    }
 }

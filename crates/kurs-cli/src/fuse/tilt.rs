@@ -2,7 +2,6 @@
 //! complementary filter for each, and by exponential smoothing of what the accelerometers show.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
@@ -13,7 +12,8 @@ use serde::Deserialize;
 use super::Args;
 use super::imu::{ImuConfig, Sensor};
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::OutputFolder;
 use crate::table::{Table, TableFormat};
 
 const COLUMNS: &[&str] = &[
@@ -60,21 +60,28 @@ struct Tilt {
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
-    if args.write_inputs.is_some() || args.truth.is_some() {
-        let text = "--write-inputs and --truth do not go with [tilt]";
+    let config: Config = config_file::read_with(&args.config, &args.set, "tilt")?;
+    if args.write_inputs.is_some() || args.truth.is_some() || args.report {
+        let text = "--write-inputs, --truth and --report do not go with [tilt]";
+        return Err(UsageError(text.to_owned()).into());
+    }
+    if !args.window.is_everything() {
+        let text = "--from, --to and --every do not go with [tilt]: its log has no date";
         return Err(UsageError(text.to_owned()).into());
     }
     let smoothing = config.tilt.check()?;
     config.imu.check()?;
-    let mut sensor = Sensor::open(args.config.parent().unwrap_or(Path::new("")), &config.imu)?;
+    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let mut sensor = Sensor::open(folder, &config.imu)?;
     if !sensor.has_accelerometer() {
         bail!(
             "{}: no accelerometer columns (ax_mps2, ay_mps2, az_mps2)",
             config.imu.file.display()
         );
     }
-    let mut table = Table::create(&args.out, "tilt", TableFormat::Csv, COLUMNS)?;
+    let inputs = [args.config.clone(), folder.join(&config.imu.file)];
+    let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
+    let mut table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
     let mut tilt: Option<Tilt> = None;
     let (mut rows, mut left_out) = (0u64, 0u64);
     while let Some((time_s, sample)) = sensor.next_before(f64::INFINITY) {
@@ -105,7 +112,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if rows == 0 {
         bail!("{}: no two samples that can be used", config.imu.file.display());
     }
-    if !args.quiet {
+    outputs.publish()?;
+    if args.json {
+        println!("{:#}", serde_json::json!({ "rows": rows, "left_out": left_out }));
+    } else if !args.quiet {
         println!("{rows} rows written to {}", args.out.display());
     }
     Ok(ExitCode::SUCCESS)

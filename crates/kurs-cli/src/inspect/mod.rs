@@ -13,24 +13,26 @@ mod timeline;
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use kurs::ephemeris::NavigationData;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::content::Content;
 use kurs_formats::damage::{Damage, DamageLog};
 use kurs_formats::logs::{self, Census, LogOptions, LogPart};
-use kurs_formats::source::{ReadError, Source, can_be_read_again};
+use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
-use crate::failure::UsageError;
-use crate::output::OutputFile;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::{OutputFile, OutputFolder};
+use crate::page::Page;
+use crate::pipe::InputFile;
 use crate::solve::input::middle_time;
+use crate::window::Window;
 
 /// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files.
+    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files; `-` for standard input.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Navigation files for the sky, not reported themselves (those among the files serve too).
@@ -39,11 +41,25 @@ pub(crate) struct Args {
     /// UTC date of RTCM 3 logs that tell no week and are not dated by `--nav` or their names.
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<GpsTime>,
+    #[command(flatten)]
+    window: Window,
     /// Writes everything as JSON, with the data of the sky plot, to a file; without one to
     /// standard output in place of the tables.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
     json: Option<Option<PathBuf>>,
+    /// Writes report.html: the tables on one page.
+    #[arg(long)]
+    report: bool,
+    /// Folder for report.html.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/inspect")]
+    out: PathBuf,
+    /// No tables.
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["report.html"];
 
 /// What was found in one file.
 #[derive(Debug, Serialize)]
@@ -84,6 +100,8 @@ struct Known {
     /// Of all files.
     navigation: NavigationData,
     options: LogOptions,
+    /// Which epochs count.
+    window: Window,
     /// What could not be used, or disagrees, among the ephemerides in logs.
     log_damage: BTreeMap<PathBuf, DamageLog>,
 }
@@ -102,9 +120,12 @@ fn date(text: &str) -> Result<GpsTime, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     refuse_to_overwrite(args)?;
-    let known = read_navigation(args)?;
+    args.window.check()?;
+    let files = InputFile::open_all(&args.files)?;
+    let files: Vec<&Path> = files.iter().map(InputFile::path).collect();
+    let known = read_navigation(args, &files)?;
     let mut reports = Vec::new();
-    for file in &args.files {
+    for file in files {
         let found = inspect(file, &known).unwrap_or_else(|error| {
             eprintln!("error: {error}");
             let (file, error) = (file.display().to_string(), error.to_string());
@@ -113,16 +134,33 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         reports.extend(found);
     }
 
+    if args.report {
+        let named: Vec<PathBuf> = args.files.iter().chain(&args.nav).cloned().collect();
+        let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
+        let mut page = Page::new("Kurs: what is in the files");
+        page.columns(&text::of(&reports));
+        page.paragraph(&format!("Made by kurs {}.", env!("CARGO_PKG_VERSION")));
+        page.write(folder.path(), "report.html")?;
+        folder.publish()?;
+    }
     match &args.json {
         Some(None) => println!("{}", serde_json::to_string_pretty(&reports)?),
         Some(Some(path)) => {
             write_json(path, &reports)?;
-            print!("{}", text::of(&reports));
+            args.tell(&reports);
         }
-        None => print!("{}", text::of(&reports)),
+        None => args.tell(&reports),
     }
     let unusable = reports.iter().any(|report| matches!(report, Report::Unusable { .. }));
     Ok(ExitCode::from(u8::from(unusable)))
+}
+
+impl Args {
+    fn tell(&self, reports: &[Report]) {
+        if !self.quiet {
+            print!("{}", text::of(reports));
+        }
+    }
 }
 
 /// An input must not become the output by a slip of the hand.
@@ -152,19 +190,16 @@ fn write_json(path: &Path, reports: &[Report]) -> anyhow::Result<()> {
 
 /// Everything that tells where satellites were: the files of `--nav`, which must be usable, and
 /// those among the others. Logs without a week are dated by all of them that are no logs.
-fn read_navigation(args: &Args) -> Result<Known, ReadError> {
+fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
     let mut data = NavigationData::default();
     for file in &args.nav {
         kurs_formats::navigation::read_near(&mut Source::open(file)?, args.date, &mut data)?;
     }
     let mut logs = Vec::new();
-    for file in &args.files {
+    for file in files {
         // A file that cannot be read is told of where it is reported.
-        if !can_be_read_again(file) {
-            continue;
-        }
         match Content::of_file(file) {
-            Ok(content) if content.is_log() => logs.push(file),
+            Ok(content) if content.is_log() => logs.push(*file),
             Ok(Content::RinexNavigation | Content::Sp3) => {
                 let Ok(mut source) = Source::open(file) else { continue };
                 let _ = kurs_formats::navigation::read(&mut source, &mut data);
@@ -178,7 +213,7 @@ fn read_navigation(args: &Args) -> Result<Known, ReadError> {
         let Ok(mut source) = Source::open(file) else { continue };
         let near = args.date.or(navigation_time);
         let read = kurs_formats::navigation::read_near(&mut source, near, &mut data);
-        log_damage.extend(read.ok().map(|summary| (file.clone(), summary.damage)));
+        log_damage.extend(read.ok().map(|summary| (file.to_owned(), summary.damage)));
     }
     let options = LogOptions {
         approximate_time: args.date,
@@ -186,16 +221,11 @@ fn read_navigation(args: &Args) -> Result<Known, ReadError> {
         any_week: true,
         ..LogOptions::default()
     };
-    Ok(Known { navigation: data, options, log_damage })
+    Ok(Known { navigation: data, options, window: args.window, log_damage })
 }
 
 /// The report on a file; on a log of several stations or antennas one for each of them.
 fn inspect(file: &Path, known: &Known) -> Result<Vec<Report>, ReadError> {
-    if !can_be_read_again(file) {
-        let (file, found) = (file.display().to_string(), "a pipe".to_owned());
-        let expected = "a file: it is read more than once";
-        return Err(ReadError::WrongContent { file, found, expected });
-    }
     let mut source = Source::open(file)?;
     let content = Content::of_file(file)?;
     let observations = |part: Option<LogPart>, messages: Option<&Census>| {

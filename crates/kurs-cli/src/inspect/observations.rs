@@ -139,7 +139,7 @@ pub(super) fn inspect(
     content: &Content,
     part: Option<LogPart>,
     census: Option<&Census>,
-    Known { navigation, options, log_damage }: &Known,
+    Known { navigation, options, window, log_damage }: &Known,
 ) -> Result<ObservationReport, ReadError> {
     let chosen = part.map(LogPart::options).unwrap_or_default();
     let options = LogOptions {
@@ -153,6 +153,9 @@ pub(super) fn inspect(
     let mut sky = SkyWatch::new(navigation);
     let mut epoch = AntennaEpoch::default();
     while source.next_epoch(&mut epoch)? {
+        if !window.contains(epoch.time) {
+            continue;
+        }
         gathered.add(&epoch, |satellite| {
             let told = || source.glonass_channels().get(&satellite.number).copied();
             navigation.ephemerides.glonass_channel(satellite).or_else(told)

@@ -40,7 +40,7 @@ pub(super) struct PointTable {
 pub(super) struct OrientTable {
     /// Times of one epoch differ by no more.
     pub(super) match_window_s: f64,
-    /// Standard deviations where the positions state none; only their ratio matters then.
+    /// Standard deviations where the positions state none; the known lengths may scale them.
     pub(super) sd_north_m: f64,
     pub(super) sd_east_m: f64,
     pub(super) sd_down_m: f64,
@@ -95,6 +95,11 @@ impl Config {
             )));
         }
         AntennaArray::new(positions).map(Some).map_err(|error| UsageError(error.to_string()))
+    }
+
+    /// The places of the antennas on the body, where they are given.
+    pub(super) fn places(&self) -> Vec<Option<[f64; 3]>> {
+        self.antenna.iter().map(|antenna| antenna.position_m).collect()
     }
 
     /// Refuses values that cannot be meant.

@@ -6,31 +6,55 @@ mod positions;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
+use kurs::orientation::lengths::Length;
 use kurs::orientation::{FittedEpoch, Method, Orienter, PositionEpoch, Settings};
 use kurs::solution::{EpochSolution, Status};
-use kurs_formats::positions::nmea::Date;
+use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
 
 use crate::config_file;
-use crate::failure::UsageError;
-use crate::output::{self, OutputFile};
-use crate::progress::Progress;
+use crate::failure::{ExitCode, RequiredFix, UsageError};
+use crate::interrupt::Watch;
+use crate::output::{self, OutputFile, OutputFolder};
+use crate::progress::{Progress, Work};
+use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::table::TableFormat;
 use crate::tables::Tables;
+use crate::window::Window;
 use config::Config;
 use positions::Positions;
 
 /// Stated standard deviations are left alone unless they are this many times too small.
 const TRUSTED_SD_FACTOR: f64 = 1.5;
+/// The known lengths scale standard deviations by no more: beyond it the lengths are wrong, not the
+/// standard deviations. A fixed RTK solution is good to centimetres, here counted as 1 cm, and is never
+/// as bad as five.
+const MAX_SD_FACTOR: f64 = 5.0;
+/// Nor are they ten times better: lengths that agree to less are copies of each other, or rounded.
+const MIN_SD_FACTOR: f64 = 0.1;
 /// Epochs that are fitted, by all processors, while those before are written.
 const EPOCHS_AT_ONCE: usize = 8192;
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "attitude.csv",
+    "attitude.jsonl",
+    "baselines.csv",
+    "baselines.jsonl",
+    "points.csv",
+    "points.jsonl",
+    "array.toml",
+    "summary.json",
+    "report.html",
+    "track.geojson",
+    "track.kml",
+];
 
 /// Attitude from antenna coordinates that receivers already give.
 #[derive(Debug, clap::Args)]
@@ -46,12 +70,29 @@ pub(crate) struct Args {
     /// UTC date of the first position, for NMEA logs that say none.
     #[arg(long, value_name = "YYYY-MM-DD", value_parser = date)]
     date: Option<Date>,
+    /// Takes NMEA sentences that have no checksum.
+    #[arg(long)]
+    accept_no_checksum: bool,
+    #[command(flatten)]
+    required_fix: RequiredFix,
+    /// Sets a key of the table `orient`, or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
     /// Folder for the outputs.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/orient")]
     out: PathBuf,
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<TableFormat>,
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
+    /// maps, track.geojson and track.kml.
+    #[arg(long)]
+    report: bool,
+    /// Prints summary.json in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -78,40 +119,69 @@ fn date(text: &str) -> Result<Date, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
+    args.window.check()?;
+    let config: Config = config_file::read_with(&args.config, &args.set, "orient")?;
     config.check()?;
     let given = config.array()?;
     let names = config.names();
-    let input = positions::read(&args.positions, args.date, &config)?;
+    let inputs = positions::files(&args.positions, &names);
+    let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
+    let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
+    let mut input = positions::read(&args.positions, options, &config)?;
+    input.epochs.retain(|epoch| args.window.contains(epoch.time));
     if input.epochs.is_empty() {
-        bail!("no position of the antennas {} in {}", names.join(", "), args.positions.join(", "));
+        let files = args.positions.join(", ");
+        let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
+        bail!("no position of the antennas {} in {files}{notes}", names.join(", "));
+    }
+    if !args.quiet {
+        input.notes.iter().for_each(|note| eprintln!("{note}"));
     }
 
     let array = match given {
         Some(array) => array,
-        None => estimated_array(&input, &names, &args.out)?,
+        None => estimated_array(&input, &names, folder.path())?,
     };
     let orienter = orienter(args, &config, array, &input)?;
-    let mut outputs = Outputs::create(args, &config)?;
-    outputs.write_all(&orienter, &input.epochs)?;
-    let Outputs { summary, tables, progress } = outputs;
+    let watch = Watch::begin();
+    let mut outputs = Outputs::create(folder.path(), args, &config)?;
+    outputs.write_all(&orienter, &input.epochs, &watch)?;
+    let Outputs { mut summary, tables, progress, report, .. } = outputs;
     let wall_s = progress.finish();
+    if watch.was_interrupted() {
+        summary.interrupt();
+    }
 
     let text = std::fs::read_to_string(&args.config).unwrap_or_default();
     let file = summary.file(&text, &input.damage, wall_s);
-    output::write_json(&args.out, "summary.json", &file)?;
     for tables in tables {
         tables.finish()?;
     }
-    if !args.quiet {
+    if let Some(report) = report {
+        let input = |file: &PathBuf| ["positions".to_owned(), file.display().to_string()];
+        let words = Words {
+            title: "Kurs: attitude from coordinates",
+            inputs: inputs.iter().map(input).collect(),
+            headline: summary.headline(),
+            moments: summary.means(),
+            configuration: text,
+            ephemerides: None,
+        };
+        report.write(folder.path(), &words)?;
+    }
+    output::write_json(folder.path(), "summary.json", &file)?;
+    folder.publish()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&file)?);
+    } else if !args.quiet {
         println!("{}\nwritten to {}", summary.text(), args.out.display());
     }
     if summary.has_solution() {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     match summary.main_reason() {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
-        Some("geometry") => bail!("the coordinates never keep the distances of the antennas"),
         _ => bail!("no epoch has an attitude"),
     }
 }
@@ -120,25 +190,34 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 struct Outputs {
     summary: Summary,
     tables: Vec<Tables>,
+    report: Option<Report>,
     progress: Progress,
+    done: usize,
 }
 
 impl Outputs {
-    fn create(args: &Args, config: &Config) -> anyhow::Result<Self> {
+    fn create(folder: &Path, args: &Args, config: &Config) -> anyhow::Result<Self> {
         let points: Vec<String> = config.point.iter().map(|point| point.name.clone()).collect();
         let tables = args
             .format
             .iter()
-            .map(|format| Tables::create(&args.out, *format, config.names(), points.clone()));
+            .map(|format| Tables::create(folder, *format, config.names(), points.clone()));
         Ok(Self {
-            summary: Summary::new(config.names()),
+            summary: Summary::new(config.names()).with_capable("that two antennas have"),
             tables: tables.collect::<anyhow::Result<_>>()?,
-            progress: Progress::start(args.quiet),
+            report: args.report.then(|| Report::new(config.names(), &config.places())),
+            progress: Progress::start(args.quiet, Work::ORIENT),
+            done: 0,
         })
     }
 
     /// Solves all epochs and writes their rows in order.
-    fn write_all(&mut self, orienter: &Orienter, epochs: &[PositionEpoch]) -> anyhow::Result<()> {
+    fn write_all(
+        &mut self,
+        orienter: &Orienter,
+        epochs: &[PositionEpoch],
+        watch: &Watch,
+    ) -> anyhow::Result<()> {
         let mut memory = orienter.memory();
         let mut blocks = epochs.chunks(EPOCHS_AT_ONCE);
         let mut fit_next = || -> Option<Vec<FittedEpoch>> {
@@ -148,23 +227,28 @@ impl Outputs {
         while let Some(block) = fitted {
             let write = || -> anyhow::Result<()> {
                 for epoch in &block {
-                    self.write(&orienter.row(epoch, &mut memory))?;
+                    self.write(&orienter.row(epoch, &mut memory), epochs.len())?;
                 }
                 Ok(())
             };
             let (written, next) = rayon::join(write, &mut fit_next);
             written?;
-            fitted = next;
+            fitted = next.filter(|_| !watch.asks_to_end());
         }
         Ok(())
     }
 
-    fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+    fn write(&mut self, row: &EpochSolution, all: usize) -> anyhow::Result<()> {
         self.summary.add(row, row.antennas >= 2);
         for tables in &mut self.tables {
             tables.write(row)?;
         }
-        self.progress.epoch(row.status == Status::Fixed);
+        if let Some(report) = &mut self.report {
+            report.add(row, None);
+        }
+        self.done += 1;
+        let share = self.done as f64 / all as f64;
+        self.progress.epoch(row.status == Status::Fixed, || Some(share));
         Ok(())
     }
 }
@@ -194,7 +278,13 @@ fn orienter(
     let usage = |error: kurs::attitude::AttitudeError| UsageError(error.to_string());
     let orienter = Orienter::new(settings.clone()).map_err(usage)?;
     let Some(factor) = orienter.sd_factor(&input.epochs) else { return Ok(orienter) };
+    let factor = factor.max(MIN_SD_FACTOR);
     if input.states_sd && factor <= TRUSTED_SD_FACTOR {
+        return Ok(orienter);
+    }
+    let lengths = orienter.lengths(&input.epochs);
+    if factor > max_factor(&lengths, input) {
+        eprintln!("{}", misfit_text(&lengths, &config.names(), factor));
         return Ok(orienter);
     }
     let kind = if input.states_sd { "stated" } else { "assumed" };
@@ -202,6 +292,28 @@ fn orienter(
         eprintln!("{kind} standard deviations times {factor:.2}, as the known distances show");
     }
     Ok(Orienter::new(Settings { sd_scale: factor, ..settings }).map_err(usage)?)
+}
+
+/// The largest factor on the standard deviations that the known lengths may ask for. Where nothing is
+/// said of the positions' quality it counts from what scatters.
+fn max_factor(lengths: &[Length], input: &Positions) -> f64 {
+    if input.states_quality {
+        return MAX_SD_FACTOR;
+    }
+    let scatter = lengths.iter().map(|length| length.scatter_m / length.stated_sd_m);
+    MAX_SD_FACTOR * scatter.fold(1.0, f64::max)
+}
+
+/// Says that the known lengths do not fit, by the pair that fits worst.
+fn misfit_text(lengths: &[Length], names: &[String], factor: f64) -> String {
+    let worst = lengths.iter().max_by(|a, b| a.excess().total_cmp(&b.excess()));
+    worst.map_or_else(String::new, |Length { first, second, known_m, measured_m, scatter_m, .. }| {
+        format!(
+            "the known lengths do not fit: {} to {} measured {measured_m:.2} ± {scatter_m:.2} m, \
+             configured {known_m:.2} m; only standard deviations {factor:.0} times larger would explain it",
+            names[*first], names[*second]
+        )
+    })
 }
 
 /// The array as the data have it, written to `array.toml`.

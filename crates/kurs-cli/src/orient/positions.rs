@@ -2,15 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use kurs::frames::Geodetic;
 use kurs::orientation::{AntennaFix, PositionEpoch};
+use kurs::solution::Reason;
 use kurs::time::GpsTime;
 use kurs_formats::content::Content;
 use kurs_formats::damage::DamageLog;
-use kurs_formats::positions::{PositionFix, csv, nmea};
+use kurs_formats::positions::nmea::{self, NmeaOptions, Sentences};
+use kurs_formats::positions::{PositionFix, Quality, csv};
 use kurs_formats::source::Source;
 
 use super::config::Config;
 use crate::failure::UsageError;
+use crate::pipe::InputFile;
 use crate::summary::Damage;
 
 /// All coordinates of a run.
@@ -20,29 +24,44 @@ pub(super) struct Positions {
     pub(super) epochs: Vec<PositionEpoch>,
     /// Whether any of them states its standard deviations.
     pub(super) states_sd: bool,
+    /// Whether any of them states that, or what kind of solution it is.
+    pub(super) states_quality: bool,
     /// What could not be used.
     pub(super) damage: Vec<Damage>,
+    /// What a user should know of the files.
+    pub(super) notes: Vec<String>,
 }
 
-/// Reads the files, `FILE` or `NAME=FILE`; `date` is for logs without one.
+/// An NMEA log, read.
+struct Log {
+    antenna: usize,
+    path: String,
+    sentences: Sentences,
+}
+
+/// Reads the files, `FILE` or `NAME=FILE`.
 pub(super) fn read(
     files: &[String],
-    date: Option<nmea::Date>,
+    options: NmeaOptions,
     config: &Config,
 ) -> anyhow::Result<Positions> {
     let names = config.names();
     let mut fixes: Vec<PositionFix> = Vec::new();
     let mut positions = Positions::default();
+    let mut logs: Vec<Log> = Vec::new();
     for (place, argument) in files.iter().enumerate() {
         let (name, path) = split_argument(argument, &names);
-        let mut source = Source::open(&path)?;
+        let file = InputFile::open(&path)?;
+        let mut source = Source::open(file.path())?;
         let mut log = DamageLog::default();
         let start = source.start(Content::ENOUGH)?;
         match Content::of(start) {
             // A log may begin in the middle of a sentence or with binary messages.
-            _ if nmea::has_sentence(start) => {
+            content if content == Content::Nmea || nmea::has_sentence(start) => {
                 let antenna = antenna_of(name, &path, place, files.len(), &names)?;
-                nmea::read(&mut source, antenna, date, &mut log, |fix| fixes.push(fix))?;
+                let take = |fix| fixes.push(fix);
+                let sentences = nmea::read(&mut source, antenna, options, &mut log, take)?;
+                logs.push(Log { antenna, path: path.display().to_string(), sentences });
             }
             Content::Text(_) => {
                 csv::read(&mut source, &names, &mut log, |fix| fixes.push(fix))?;
@@ -55,9 +74,65 @@ pub(super) fn read(
         let name = path.display().to_string();
         positions.damage.extend(log.listed().iter().map(|d| Damage::new(name.clone(), d)));
     }
+    for note in silent(&logs, &fixes).into_iter().chain(fill_separations(&logs, &mut fixes)) {
+        let damage = Damage { file: note.0.clone(), line: 1, what: note.1.clone() };
+        positions.damage.push(damage);
+        positions.notes.push(format!("{}: {}", note.0, note.1));
+    }
     positions.states_sd = fixes.iter().any(|fix| fix.sd_ned_m.is_some());
+    let has_quality = |fix: &PositionFix| fix.quality != Quality::Unknown;
+    positions.states_quality = positions.states_sd || fixes.iter().any(has_quality);
     positions.epochs = epochs(fixes, config);
     Ok(positions)
+}
+
+/// The files of the arguments.
+pub(super) fn files(arguments: &[String], names: &[String]) -> Vec<PathBuf> {
+    arguments.iter().map(|argument| split_argument(argument, names).1).collect()
+}
+
+/// Logs without a position, and why they have none.
+fn silent(logs: &[Log], fixes: &[PositionFix]) -> Vec<(String, String)> {
+    let has_fix = |log: &&Log| fixes.iter().any(|fix| fix.antenna == log.antenna);
+    let without = logs.iter().filter(|log| !has_fix(log));
+    without.map(|log| (log.path.clone(), log.sentences.why_no_position())).collect()
+}
+
+/// Heights of logs that never state the separation of the geoid are taken to the ellipsoid by that of
+/// another receiver: all are on one body. Says of which log.
+fn fill_separations(logs: &[Log], fixes: &mut [PositionFix]) -> Vec<(String, String)> {
+    let known = logs.iter().find_map(|log| Some((log, log.sentences.separation_m?)));
+    let mut notes = Vec::new();
+    for log in logs {
+        let mut its =
+            fixes.iter_mut().filter(|fix| fix.antenna == log.antenna && fix.is_above_geoid);
+        let Some(first) = its.next() else { continue };
+        let what = "no position states the separation of the geoid";
+        let Some((other, separation_m)) = known else {
+            notes.push((log.path.clone(), format!("{what}: heights are above the geoid")));
+            continue;
+        };
+        for fix in std::iter::once(first).chain(its) {
+            let place = Geodetic::from_ecef(fix.position_m);
+            let above_ellipsoid = Geodetic { height_m: place.height_m + separation_m, ..place };
+            fix.position_m = above_ellipsoid.to_ecef();
+            fix.is_above_geoid = false;
+        }
+        notes.push((
+            log.path.clone(),
+            format!("{what}: {separation_m} m of {} is taken", other.path),
+        ));
+    }
+    notes
+}
+
+/// Why a kind of solution is less than one with integers.
+fn doubt(quality: Quality) -> Option<Reason> {
+    match quality {
+        Quality::Unknown | Quality::RtkFixed => None,
+        Quality::RtkFloat => Some(Reason::WeakModel),
+        Quality::DifferentialCode | Quality::Code => Some(Reason::NoPhase),
+    }
 }
 
 /// `NAME=FILE` with the name of an antenna, or just a file.
@@ -111,9 +186,11 @@ fn epochs(mut fixes: Vec<PositionFix>, config: &Config) -> Vec<PositionEpoch> {
                 .push(PositionEpoch { time: fix.time, antennas: vec![None; config.antenna.len()] });
         }
         if let Some(epoch) = epochs.last_mut() {
-            let assumed = || default_sd.map(|sd| fix.sd_factor * sd);
+            let assumed = || default_sd.map(|sd| fix.quality.sd_factor() * sd);
             let sd_ned_m = fix.sd_ned_m.unwrap_or_else(assumed);
-            epoch.antennas[fix.antenna] = Some(AntennaFix { position_m: fix.position_m, sd_ned_m });
+            let doubt = doubt(fix.quality);
+            let antenna = AntennaFix { position_m: fix.position_m, sd_ned_m, doubt };
+            epoch.antennas[fix.antenna] = Some(antenna);
         }
     }
     epochs

@@ -1,5 +1,6 @@
 //! The array file of `kurs plan`: antennas, and what is planned for.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
@@ -11,8 +12,22 @@ use kurs::sky::NoiseModel;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+use super::session::Session;
 use crate::config_file;
 use crate::failure::UsageError;
+
+/// Keys of `[plan]` that something else may say.
+const KEYS: [&str; 9] = [
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "heading_deg",
+    "elevation_mask_deg",
+    "code_sd_m",
+    "phase_sd_m",
+    "length_sd_m",
+    "bands",
+];
 
 /// The file: an array of its own, or the configuration of `kurs solve`.
 #[derive(Debug, Deserialize)]
@@ -35,6 +50,34 @@ pub(super) struct ArrayFile {
     _station: IgnoredAny,
     #[serde(default, rename = "antex")]
     _antex: IgnoredAny,
+    /// Where the value of each key comes from.
+    #[serde(skip)]
+    pub(super) origins: BTreeMap<&'static str, Origin>,
+}
+
+/// Where a value comes from, the strongest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// `[plan]`
+    Plan,
+    /// `[solve]`
+    Solve,
+    /// The observations of the configuration.
+    Observations,
+    /// Nothing says it.
+    Assumed,
+}
+
+impl Origin {
+    /// In words.
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Self::Plan => "[plan]",
+            Self::Solve => "[solve]",
+            Self::Observations => "the observations",
+            Self::Assumed => "assumed",
+        }
+    }
 }
 
 /// What `[solve]` says about the same things as `[plan]`; its other keys are not the plan's.
@@ -58,7 +101,9 @@ struct NavKeys {
 #[derive(Debug, Deserialize)]
 struct AntennaEntry {
     name: String,
-    position_m: [f64; 3],
+    position_m: Option<[f64; 3]>,
+    #[serde(default)]
+    obs: Vec<PathBuf>,
 }
 
 /// A baseline that is better or worse than the others.
@@ -204,27 +249,92 @@ impl Settings {
 
 impl ArrayFile {
     /// Reads the file; keys of `[solve]` hold where `[plan]` does not say otherwise.
-    pub(super) fn read(path: &Path) -> Result<Self, UsageError> {
-        let mut file: Self = config_file::read(path)?;
-        let table: toml::Table = config_file::read(path)?;
+    pub(super) fn read(path: &Path, set: &[String]) -> Result<Self, UsageError> {
+        let mut file: Self = config_file::read_with(path, set, "plan")?;
+        let table: toml::Table = config_file::read_with(path, set, "plan")?;
         let is_given = |key: &str| table.get("plan").is_some_and(|plan| plan.get(key).is_some());
-        let Self { plan, solve, .. } = &mut file;
+        let Self { plan, solve, origins, .. } = &mut file;
+        for key in KEYS {
+            origins.insert(key, if is_given(key) { Origin::Plan } else { Origin::Assumed });
+        }
+        let mut inherit = |key: &'static str, is_there: bool| {
+            let inherits = is_there && !is_given(key);
+            if inherits {
+                origins.insert(key, Origin::Solve);
+            }
+            inherits
+        };
         for (key, value, inherited) in [
             ("elevation_mask_deg", &mut plan.elevation_mask_deg, solve.elevation_mask_deg),
             ("length_sd_m", &mut plan.length_sd_m, solve.array_sd_m),
             ("code_sd_m", &mut plan.code_sd_m, solve.code_sd_m),
             ("phase_sd_m", &mut plan.phase_sd_m, solve.phase_sd_m),
         ] {
-            if let Some(inherited) = inherited.filter(|_| !is_given(key)) {
-                *value = inherited;
+            if inherit(key, inherited.is_some()) {
+                *value = inherited.unwrap_or(*value);
             }
         }
-        if let Some(bands) = solve.bands.take().filter(|_| !is_given("bands")) {
-            plan.bands = bands;
+        if inherit("bands", solve.bands.is_some()) {
+            plan.bands = solve.bands.take().unwrap_or_default();
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         file.nav.files.iter_mut().for_each(|nav| *nav = folder.join(&*nav));
+        let obs = file.antenna.iter_mut().flat_map(|antenna| &mut antenna.obs);
+        obs.for_each(|obs| *obs = folder.join(&*obs));
         Ok(file)
+    }
+
+    /// Observation files that the file names.
+    pub(super) fn observations(&self) -> impl Iterator<Item = &PathBuf> {
+        self.antenna.iter().flat_map(|antenna| &antenna.obs)
+    }
+
+    /// Takes over what the observations tell and nothing in the file says.
+    pub(super) fn fill(&mut self, session: &Session) {
+        let Self { plan, origins, .. } = self;
+        let mut fill = |key: &'static str, is_told: bool| {
+            let fills = is_told && origins.get(key) == Some(&Origin::Assumed);
+            if fills {
+                origins.insert(key, Origin::Observations);
+            }
+            fills
+        };
+        let place = session.place;
+        for (key, value, found) in [
+            ("latitude_deg", &mut plan.latitude_deg, place.map(|p| p.latitude_rad.to_degrees())),
+            ("longitude_deg", &mut plan.longitude_deg, place.map(|p| p.longitude_rad.to_degrees())),
+            ("height_m", &mut plan.height_m, place.map(|p| p.height_m)),
+            ("heading_deg", &mut plan.heading_deg, session.heading_deg),
+            ("code_sd_m", &mut plan.code_sd_m, session.code_sd_m),
+            ("phase_sd_m", &mut plan.phase_sd_m, session.phase_sd_m),
+        ] {
+            if fill(key, found.is_some()) {
+                *value = found.unwrap_or(*value);
+            }
+        }
+        if fill("bands", !session.bands.is_empty()) {
+            plan.bands = session.bands.iter().map(Band::to_string).collect();
+        }
+    }
+
+    /// Key, value and origin of everything that the plan rests on.
+    pub(super) fn basis(&self) -> Vec<[String; 3]> {
+        let Settings { latitude_deg, longitude_deg, height_m, bands, .. } = &self.plan;
+        let values = [
+            ("latitude_deg", format!("{latitude_deg:.4}")),
+            ("longitude_deg", format!("{longitude_deg:.4}")),
+            ("height_m", format!("{height_m:.0}")),
+            ("heading_deg", format!("{:.1}", self.plan.heading_deg)),
+            ("bands", bands.join(" ")),
+            ("elevation_mask_deg", self.plan.elevation_mask_deg.to_string()),
+            ("code_sd_m", format!("{:.3}", self.plan.code_sd_m)),
+            ("phase_sd_m", format!("{:.4}", self.plan.phase_sd_m)),
+            ("length_sd_m", self.plan.length_sd_m.to_string()),
+        ];
+        let origin = |key: &str| self.origins.get(key).copied().unwrap_or(Origin::Assumed);
+        let row =
+            |(key, value): (&str, String)| [key.to_owned(), value, origin(key).text().to_owned()];
+        values.into_iter().map(row).collect()
     }
 
     /// Navigation files that the file names.
@@ -238,10 +348,16 @@ impl ArrayFile {
 
     pub(super) fn array(&self) -> Result<AntennaArray, UsageError> {
         let position = |antenna: &AntennaEntry| {
-            let [x, y, z] = antenna.position_m;
-            Vector::new(x, y, z)
+            let [x, y, z] = antenna.position_m.ok_or_else(|| {
+                UsageError(format!(
+                    "antenna `{}` has no `position_m`: an array is planned by the places of its \
+                     antennas; `kurs survey` finds those of a working one",
+                    antenna.name
+                ))
+            })?;
+            Ok(Vector::new(x, y, z))
         };
-        AntennaArray::new(self.antenna.iter().map(position).collect())
+        AntennaArray::new(self.antenna.iter().map(position).collect::<Result<_, UsageError>>()?)
             .map_err(|error| UsageError(format!("[[antenna]]: {error}")))
     }
 

@@ -3,13 +3,14 @@
 mod config;
 mod improvement;
 mod report;
+mod session;
 mod sky;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Attitude;
 use kurs::prediction::{
@@ -19,14 +20,18 @@ use kurs::prediction::{
 use kurs::selection::{
     Baselines, Criterion, Graph, Pair, SelectionError, error_relative_to_all_antennas, select,
 };
+use kurs::signal::{Band, System};
 use kurs::time::GpsTime;
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use self::config::ArrayFile;
 use self::improvement::Improvement;
+use self::session::Session;
 use self::sky::Sky;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::{self, OutputFolder};
+use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
@@ -46,16 +51,38 @@ pub(crate) struct Args {
     /// Navigation file, in place of those of the file; several may be given; a nominal sky without any
     #[arg(long)]
     nav: Vec<PathBuf>,
-    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first ephemeris)
-    #[arg(long)]
-    at: Option<String>,
+    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the first
+    /// ephemeris)
+    #[arg(long, visible_alias = "from", value_name = "TIME", value_parser = parse_time)]
+    at: Option<GpsTime>,
     /// Time span, such as 24h, 90m or 600s
-    #[arg(long = "for", default_value = "24h")]
+    #[arg(long = "for", default_value = "24h", conflicts_with = "to")]
     duration: String,
+    /// GPS time to end with, in place of --for
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    to: Option<GpsTime>,
+    /// Time from epoch to epoch of the plan, s, in place of `step_s`
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    every: Option<f64>,
     /// Folder for plan.json and plan.html
-    #[arg(long, default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/plan")]
     out: PathBuf,
+    /// Sets a key of the table `plan`, or `table.key`
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Writes the page; this command always does
+    #[arg(long)]
+    report: bool,
+    /// Prints plan.json in place of the tables
+    #[arg(long)]
+    json: bool,
+    /// No tables
+    #[arg(long, short)]
+    quiet: bool,
 }
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &["plan.json", "plan.html"];
 
 /// One instant of the plan.
 #[derive(Debug)]
@@ -93,6 +120,8 @@ struct Plan {
     file: ArrayFile,
     array: AntennaArray,
     sky: String,
+    /// What a user should know before the numbers.
+    notes: Vec<String>,
     epochs: Vec<Epoch>,
     /// For each antenna but the first: success rate of its baseline with known length.
     length_constrained: Vec<Option<SimulatedRate>>,
@@ -103,16 +132,31 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let file = ArrayFile::read(&args.array)?;
+    let mut file = ArrayFile::read(&args.array, &args.set)?;
+    file.plan.step_s = args.every.unwrap_or(file.plan.step_s);
     file.plan.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
-    let sky = Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?;
-    let start = match &args.at {
-        Some(text) => sky::parse_time(text)?,
-        None => sky.start(),
+    let mut notes = Vec::new();
+    let session = observed(args, &file, &mut notes);
+    if let Some(session) = &session {
+        file.fill(session);
+    }
+    let first = session.as_ref().and_then(|session| session.start);
+    let sky = match session {
+        Some(session) => Sky::Broadcast(Box::new(session.navigation)),
+        None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
     };
-    let epochs = predict(&file, &array, &sky, start, sky::parse_duration_s(&args.duration)?)?;
+    let start = args.at.or(first).unwrap_or_else(|| sky.start());
+    let duration_s = match args.to {
+        Some(to) if to < start => {
+            return Err(UsageError(format!("--to {to} is before the begin, {start}")).into());
+        }
+        Some(to) => to - start,
+        None => sky::parse_duration_s(&args.duration)?,
+    };
+    let epochs = predict(&file, &array, &sky, start, duration_s)?;
+    notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
         bail!("no epoch from {start} on has satellites enough for an attitude");
     }
@@ -123,15 +167,58 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         improvement: improvement::best(&array, &attitude(&file), &sampled(&epochs)),
         choices: choose(&array, &baselines, file.plan.graph(), &mut random),
         sky: sky.description(),
+        notes,
         file,
         array,
         epochs,
     };
-    report::print(&plan);
-    report::write_json(&plan, &args.out)?;
-    report::write_page(&plan, &args.out)?;
-    println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.array))?;
+    let document = report::document(&plan);
+    output::write_json(folder.path(), "plan.json", &document)?;
+    report::write_page(&plan, folder.path())?;
+    folder.publish()?;
+    if args.json {
+        println!("{document:#}");
+    } else if !args.quiet {
+        report::print(&plan);
+        println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the observations of the file tell; `None`, with a note, where they cannot be read.
+fn observed(args: &Args, file: &ArrayFile, notes: &mut Vec<String>) -> Option<Session> {
+    let first = file.observations().next()?;
+    let session = match file.observations().find(|path| !path.exists()) {
+        Some(absent) => Err(anyhow!("{} is not there", absent.display())),
+        None => Session::read(&args.array, &args.nav),
+    };
+    let told = session.map_err(|error| {
+        notes.push(format!(
+            "The observations ({}, …) tell nothing, what they could is assumed: {error:#}",
+            first.display()
+        ));
+    });
+    told.ok()
+}
+
+/// Systems whose ephemerides end before the plan does.
+fn uncovered(epochs: &[Epoch], bands: &[Band]) -> Vec<String> {
+    let systems: BTreeSet<System> = bands.iter().map(|band| band.system).collect();
+    let ends = systems.into_iter().filter_map(|system| {
+        let has = |epoch: &Epoch| epoch.sights.iter().any(|sight| sight.band.system == system);
+        let without = epochs.iter().rev().take_while(|epoch| !has(epoch)).count();
+        let last = epochs.len().checked_sub(without + 1).map(|last| epochs[last].time);
+        let which = last.map_or("none at all".to_owned(), |last| format!("the last at {last}"));
+        (without > 0).then(|| {
+            format!(
+                "The ephemerides of {system} end: {without} of {} epochs have none ({which}). Give \
+                 navigation files of those hours, or a shorter --for.",
+                epochs.len()
+            )
+        })
+    });
+    ends.collect()
 }
 
 /// The level body at the planned heading.

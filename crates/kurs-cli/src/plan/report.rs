@@ -1,6 +1,5 @@
 //! The plan as tables on the terminal, as JSON, and as a page.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
@@ -14,7 +13,6 @@ use serde_json::{Value, json};
 
 use super::improvement::{MARGIN_M, MOVE_M};
 use super::{Answer, Epoch, Plan};
-use crate::output::OutputFile;
 use crate::page::colour::{BLUE, GREEN, ORANGE, VERMILION};
 use crate::page::{Page, laid_out};
 
@@ -31,6 +29,9 @@ type Rows = Vec<Vec<String>>;
 /// Prints the plan.
 pub(super) fn print(plan: &Plan) {
     println!("{}\n", summary(plan));
+    for note in &plan.notes {
+        println!("Note: {note}\n");
+    }
     for (title, header, rows) in tables(plan) {
         println!("{title}");
         let mut table = Table::new();
@@ -47,6 +48,9 @@ pub(super) fn print(plan: &Plan) {
 pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     let mut page = Page::new("Antenna array: what to expect");
     page.paragraph(&summary(plan));
+    for note in &plan.notes {
+        page.paragraph(&format!("Note: {note}"));
+    }
     page.heading("Accuracy over time");
     page.plot(&accuracy_plot(plan));
     page.heading("Array, seen from above, with the chosen baselines");
@@ -61,8 +65,8 @@ pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
     page.write(directory, "plan.html")
 }
 
-/// Writes `plan.json`.
-pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
+/// `plan.json`.
+pub(super) fn document(plan: &Plan) -> Value {
     let names = plan.file.names();
     let epochs: Vec<Value> = plan.epochs.iter().map(epoch_json).collect();
     let choices: Vec<Value> = plan
@@ -113,9 +117,11 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
             })
         })
         .collect();
-    let document = json!({
+    json!({
         "version": env!("CARGO_PKG_VERSION"),
         "sky": plan.sky,
+        "notes": plan.notes,
+        "basis": basis_json(plan),
         "antennas": names,
         "epochs": epochs,
         "length_constrained": length_constrained,
@@ -125,10 +131,16 @@ pub(super) fn write_json(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
         "improvement": improvement,
         "graph": graph_name(plan.file.plan.graph()),
         "choices": choices,
-    });
-    let mut file = OutputFile::create(directory, "plan.json")?;
-    writeln!(file, "{document:#}")?;
-    file.finish()
+    })
+}
+
+/// Value and origin of each key that the plan rests on.
+fn basis_json(plan: &Plan) -> Value {
+    let entry = |[key, text, origin]: [String; 3]| {
+        let value = text.parse::<f64>().map_or(json!(text), |number| json!(number));
+        (key, json!({ "value": value, "from": origin }))
+    };
+    Value::Object(plan.file.basis().into_iter().map(entry).collect())
 }
 
 fn epoch_json(epoch: &Epoch) -> Value {
@@ -165,7 +177,9 @@ fn summary(plan: &Plan) -> String {
 
 /// Title, header and rows of every table.
 fn tables(plan: &Plan) -> Vec<(&'static str, Vec<&'static str>, Rows)> {
+    let basis = plan.file.basis().into_iter().map(Vec::from).collect();
     let mut tables = vec![
+        ("What the plan rests on", vec!["key", "value", "from"], basis),
         (
             "Standard deviations with fixed integers, all antennas and their full covariance",
             vec!["", "median", "best", "worst"],

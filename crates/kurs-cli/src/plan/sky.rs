@@ -8,7 +8,7 @@ use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Ned, Vector};
 use kurs::prediction::Sight;
 use kurs::signal::{Band, Satellite, System};
-use kurs::time::{Calendar, GpsTime};
+use kurs::time::GpsTime;
 use kurs_formats::navigation;
 use kurs_formats::source::Source;
 use kurs_sim::walker::Walker;
@@ -170,26 +170,6 @@ fn nominal(system: System) -> Option<Walker> {
     })
 }
 
-/// `2024-06-24T08:20:00`, GPS time.
-pub(super) fn parse_time(text: &str) -> anyhow::Result<GpsTime> {
-    calendar(text).and_then(GpsTime::from_calendar).ok_or_else(|| {
-        anyhow!(UsageError(format!("--at {text}: expected a GPS time such as 2024-06-24T08:20:00")))
-    })
-}
-
-fn calendar(text: &str) -> Option<Calendar> {
-    let (date, clock) = text.split_once('T')?;
-    let (mut date, mut clock) = (date.splitn(3, '-'), clock.splitn(3, ':'));
-    Some(Calendar {
-        year: date.next()?.parse().ok()?,
-        month: date.next()?.parse().ok()?,
-        day: date.next()?.parse().ok()?,
-        hour: clock.next()?.parse().ok()?,
-        minute: clock.next()?.parse().ok()?,
-        second: clock.next().unwrap_or("0").parse().ok()?,
-    })
-}
-
 /// `24h`, `90m` or `600s`, in seconds.
 pub(super) fn parse_duration_s(text: &str) -> anyhow::Result<f64> {
     let unit = text.chars().last().map_or(String::new(), String::from);
@@ -212,12 +192,6 @@ mod tests {
 
     #[test]
     fn times_and_durations() {
-        let time = parse_time("2024-06-24T08:20:00").unwrap();
-        assert_eq!((time.week(), time.tow_s()), (2320, 86_400.0 + 8.0 * 3600.0 + 1200.0));
-        assert_eq!(parse_time("2024-06-24T08:20").unwrap(), time);
-        for wrong in ["", "2024-06-24", "2024-13-01T00:00:00", "yesterdayT00:00", "2024-06-24T08"] {
-            assert!(parse_time(wrong).is_err(), "{wrong}");
-        }
         assert_eq!(parse_duration_s("24h").unwrap(), 86_400.0);
         assert_eq!(parse_duration_s("90m").unwrap(), 5400.0);
         assert_eq!(parse_duration_s("1.5s").unwrap(), 1.5);

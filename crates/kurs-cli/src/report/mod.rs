@@ -2,6 +2,7 @@
 
 mod plots;
 mod residuals;
+pub(crate) mod span;
 mod thinning;
 
 use std::path::Path;
@@ -10,9 +11,14 @@ use kurs::ephemeris::EphemerisStore;
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::solution::{EpochSolution, Status};
 use kurs::time::GpsTime;
+use kurs::turn_rate::{AngleRates, TurnRate};
 
+use crate::integers::Integers;
+use crate::map_files::{Heights, Way};
 use crate::page::Page;
+use crate::session_span::SessionSpan;
 use crate::truth::TruthRow;
+use plots::{Epochs, Shown};
 use residuals::Residuals;
 use thinning::Thinned;
 
@@ -20,13 +26,12 @@ use thinning::Thinned;
 #[derive(Debug, Clone)]
 struct Sample {
     time: GpsTime,
-    /// From the first epoch.
-    elapsed_s: f64,
     status: Status,
     reason: &'static str,
     /// Heading, pitch, roll, degrees, with their standard deviations.
     angles_deg: [Option<f64>; 3],
     sd_deg: [f64; 3],
+    rates: AngleRates,
     truth_deg: Option<[f64; 3]>,
     satellites: usize,
     success_rate: Option<f64>,
@@ -42,21 +47,28 @@ pub(crate) struct Report {
     antennas: Vec<String>,
     /// Known length of the baseline to every antenna but the first.
     known_lengths_m: Vec<Option<f64>>,
-    first: Option<GpsTime>,
+    span: SessionSpan,
+    turn_rate: TurnRate,
     samples: Thinned,
+    integers: Integers,
     residuals: Residuals,
+    way: Way,
 }
 
 /// What stands beside the plots.
 pub(crate) struct Words<'a> {
+    /// What is on the page.
+    pub(crate) title: &'a str,
+    /// What it is made from: a name and a file.
+    pub(crate) inputs: Vec<[String; 2]>,
     /// Name and value of the headline numbers.
     pub(crate) headline: Vec<[String; 2]>,
     /// Name, mean and standard deviation of angles and baselines.
     pub(crate) moments: Vec<[String; 3]>,
     /// The configuration in force.
     pub(crate) configuration: String,
-    /// Orbits, for the sky plot.
-    pub(crate) ephemerides: &'a EphemerisStore,
+    /// Orbits, for the plot of the sky; none without satellites.
+    pub(crate) ephemerides: Option<&'a EphemerisStore>,
 }
 
 impl Report {
@@ -71,15 +83,26 @@ impl Report {
         Self {
             antennas,
             known_lengths_m,
-            first: None,
+            span: SessionSpan::default(),
+            turn_rate: TurnRate::default(),
             samples: Thinned::default(),
+            integers: Integers::default(),
             residuals: Residuals::default(),
+            way: Way::default(),
         }
     }
 
     /// Takes an epoch in.
     pub(crate) fn add(&mut self, row: &EpochSolution, truth: Option<&TruthRow>) {
-        let first = *self.first.get_or_insert(row.time);
+        let step_s = self.span.last().map_or(0.0, |last| row.time - last);
+        self.span.add(row.time);
+        if row.position.is_none() || self.span.is_gap(step_s) {
+            self.way.gap();
+        }
+        if let Some(position) = &row.position {
+            self.way.push(position.geodetic);
+        }
+        self.integers.add(row, &self.antennas);
         self.residuals.add(&row.residuals);
         let attitude = row.attitude.as_ref();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
@@ -92,11 +115,11 @@ impl Report {
         }
         self.samples.push(Sample {
             time: row.time,
-            elapsed_s: row.time - first,
             status: row.status,
             reason: row.reason.map_or("", kurs::solution::Reason::word),
             angles_deg: angles.map(|angle| angle.map(f64::to_degrees)),
             sd_deg: [sd(0), sd(1), sd(2)],
+            rates: self.turn_rate.push(row),
             truth_deg: truth.map(|truth| truth.angles_deg),
             satellites: row.satellites,
             success_rate: row.success_rate,
@@ -106,70 +129,139 @@ impl Report {
         });
     }
 
-    /// Writes `directory/report.html`.
+    /// Writes `report.html`, `track.geojson` and `track.kml`.
     pub(crate) fn write(&self, directory: &Path, words: &Words<'_>) -> anyhow::Result<()> {
-        let samples = self.samples.all();
-        let mut page = Page::new("Kurs: heading, pitch and roll");
-        if let Some(first) = self.first {
-            page.paragraph(&format!(
-                "First epoch {first} GPST; time in the plots is counted from it."
-            ));
+        self.way.write(directory, "track", Heights::OnGround)?;
+        let epochs = Epochs::new(self.samples.all(), self.samples.kept_every());
+        let mut page = Page::new(words.title);
+        self.write_top(&mut page, words);
+        self.write_angles(&mut page, &epochs);
+        write_status(&mut page, &epochs);
+        self.write_integers(&mut page);
+        self.write_lengths(&mut page, &epochs);
+        self.write_residuals(&mut page, &epochs);
+        write_satellites(&mut page, &epochs);
+        if let Some(ephemerides) = words.ephemerides {
+            page.heading("Sky");
+            page.square_plot(&plots::sky(&epochs, ephemerides, &self.residuals));
         }
-        page.tiles(&words.headline);
-        let moments: Vec<_> = words.moments.iter().map(|row| row.to_vec()).collect();
-        page.folded_table(
-            "Mean and standard deviation of angles and baselines over the fixed epochs",
-            &["", "mean", "standard deviation"],
-            &moments,
-        );
-        if self.samples.kept_every() > 1 {
-            page.paragraph(&format!(
-                "The plots show one epoch of every {}, and of each such group one that is not fixed \
-                 if there is any.",
-                self.samples.kept_every()
-            ));
-        }
-        for (k, name) in ["Heading", "Pitch", "Roll"].iter().enumerate() {
-            if samples.iter().any(|sample| sample.angles_deg[k].is_some()) {
-                page.heading(name);
-                if k == 0 && plots::is_continued(samples) {
-                    page.paragraph("Continued through north: below 0° or above 360° it counts on.");
-                }
-                page.plot(&plots::angle(samples, k, name));
-                if samples.iter().any(|sample| sample.truth_deg.is_some()) {
-                    page.plot(&plots::error(samples, k, name));
-                }
-            }
-        }
-        page.heading("Status, and why epochs are not fixed");
-        let (plot, lines) = plots::status(samples);
-        page.plot_of_lines(&plot, lines);
-        page.heading("Lengths of the baselines");
-        for (k, name) in self.antennas.iter().skip(1).enumerate() {
-            let known_m = self.known_lengths_m.get(k).copied().flatten();
-            page.plot(&plots::length(
-                samples,
-                k,
-                &format!("{} to {name}", self.antennas[0]),
-                known_m,
-            ));
-        }
-        page.heading("Residuals");
-        page.plot(&plots::residuals(samples));
-        let by_signal = self.residuals.by_signal();
-        if !by_signal.is_empty() {
-            page.plot(&plots::phase_residuals(&by_signal));
-            page.plot(&plots::code_residuals(&by_signal));
-        }
-        page.heading("Satellites and success rate");
-        page.plot(&plots::satellites(samples));
-        page.plot(&plots::success_rate(samples));
-        page.heading("Sky");
-        page.square_plot(&plots::sky(samples, words.ephemerides, &self.residuals));
-        page.heading("Track");
-        page.square_plot(&plots::track(samples));
+        write_track(&mut page, &epochs);
         page.heading("Configuration in force");
         page.verbatim(&words.configuration);
         page.write(directory, "report.html")
     }
+
+    /// What it is about: numbers, span, inputs, version.
+    fn write_top(&self, page: &mut Page, words: &Words<'_>) {
+        page.tiles(&words.headline);
+        let mut facts = span::facts(&self.span);
+        facts.extend(words.inputs.iter().map(|input| input.to_vec()));
+        facts.push(vec!["made by".to_owned(), format!("kurs {}", env!("CARGO_PKG_VERSION"))]);
+        page.table(&[], &facts);
+        let moments: Vec<_> = words.moments.iter().map(|row| row.to_vec()).collect();
+        if !moments.is_empty() {
+            page.folded_table(
+                "Mean and standard deviation of angles and baselines over the fixed epochs",
+                &["", "mean", "standard deviation"],
+                &moments,
+            );
+        }
+        if self.samples.kept_every() > 1 {
+            page.paragraph(&format!(
+                "The plots show, of every {} epochs, one that is not fixed if there is any and one that has \
+                 an attitude.",
+                self.samples.kept_every()
+            ));
+        }
+    }
+
+    fn write_angles(&self, page: &mut Page, epochs: &Epochs) {
+        for (k, name) in ["Heading", "Pitch", "Roll"].iter().enumerate() {
+            if !epochs.has(|sample| sample.angles_deg[k].is_some()) {
+                continue;
+            }
+            page.heading(name);
+            if k == 0 && plots::is_continued(epochs) {
+                page.paragraph("Continued through north: below 0° or above 360° it counts on.");
+            }
+            page.time_plot(&plots::angle(epochs, k, name));
+            if epochs.has(|sample| sample.truth_deg.is_some()) {
+                page.time_plot(&plots::error(epochs, k, name));
+            }
+            if epochs.has(|sample| sample.rates[k].is_some()) {
+                page.time_plot(&plots::rate(epochs, k, name));
+            }
+        }
+    }
+
+    /// What failed, and what had no part.
+    fn write_integers(&self, page: &mut Page) {
+        for sentence in self.integers.sentences(&self.antennas) {
+            page.paragraph(&sentence);
+        }
+    }
+
+    fn write_lengths(&self, page: &mut Page, epochs: &Epochs) {
+        if !epochs.has(|sample| sample.lengths_m.iter().any(Option::is_some)) {
+            return;
+        }
+        page.heading("Lengths of the baselines");
+        for (k, name) in self.antennas.iter().skip(1).enumerate() {
+            let known_m = self.known_lengths_m.get(k).copied().flatten();
+            let name = format!("{} to {name}", self.antennas[0]);
+            page.time_plot(&plots::length(epochs, k, &name, known_m));
+        }
+    }
+
+    fn write_residuals(&self, page: &mut Page, epochs: &Epochs) {
+        let by_signal = self.residuals.by_signal();
+        let has_rms = epochs.has(|sample| sample.residual_rms_m.is_some());
+        if !has_rms && by_signal.is_empty() {
+            return;
+        }
+        page.heading("Residuals");
+        if has_rms {
+            page.time_plot(&plots::residuals(epochs));
+        }
+        if by_signal.iter().any(|signal| !signal.phase_m.is_empty()) {
+            page.plot(&plots::phase_residuals(&by_signal));
+        }
+        if by_signal.iter().any(|signal| !signal.code_m.is_empty()) {
+            page.plot(&plots::code_residuals(&by_signal));
+        }
+    }
+}
+
+fn write_status(page: &mut Page, epochs: &Epochs) {
+    if let Some(only) = plots::only_status(epochs) {
+        page.heading("Status");
+        page.paragraph(&format!("Every epoch is {only}."));
+        return;
+    }
+    page.heading("Status, and why epochs are not fixed");
+    let (plot, lines) = plots::status(epochs);
+    page.time_plot_of_lines(&plot, lines);
+}
+
+fn write_satellites(page: &mut Page, epochs: &Epochs) {
+    let rate = plots::success_rate(epochs);
+    page.heading(if rate.is_some() { "Satellites and success rate" } else { "Satellites" });
+    for shown in plots::satellites(epochs).into_iter().chain(rate) {
+        match shown {
+            Shown::Curve(plot) => page.time_plot(&plot),
+            Shown::Sentence(sentence) => page.paragraph(&sentence),
+        }
+    }
+}
+
+fn write_track(page: &mut Page, epochs: &Epochs) {
+    let Some((first, _)) = epochs.samples.iter().find_map(|sample| sample.position) else { return };
+    page.heading("Track");
+    page.paragraph(&format!(
+        "From {:.7}° latitude, {:.7}° longitude, {:.1} m above the ellipsoid; for maps: track.geojson, track.kml.",
+        first.latitude_rad.to_degrees(),
+        first.longitude_rad.to_degrees(),
+        first.height_m
+    ));
+    page.square_plot(&plots::track(epochs));
 }

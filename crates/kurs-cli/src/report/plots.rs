@@ -18,6 +18,7 @@ use plotly::{Layout, Plot, Scatter};
 
 use super::Sample;
 use super::residuals::{OfCell, OfSignal, Residuals};
+use crate::chart::{self, Clock, Curve, constant};
 use crate::page::colour::{BLUE, GREEN, GREY, ORANGE, VERMILION};
 use crate::page::laid_out;
 use crate::truth::difference_deg;
@@ -26,69 +27,112 @@ const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
 const MAX_COLOUR_MM: f64 = 8.0;
-/// Lines are broken where the time to the next epoch is so many times the usual one.
-const LONG_GAP: f64 = 5.0;
+/// An angle less certain than this says nothing; bands as wide would hide all others.
+const MAX_BAND_SD_DEG: f64 = 60.0;
+/// What changes by less is one number, not a curve.
+const SUCCESS_RATE_TOLERANCE: f64 = 5e-4;
 /// Times at which the sky is drawn.
 const SKY_INSTANTS: usize = 60;
 
-/// Values over time; gaps where there are none.
-type Curve = Vec<Option<f64>>;
+/// The epochs that are drawn.
+pub(super) struct Epochs {
+    pub(super) samples: Vec<Sample>,
+    clock: Clock,
+}
+
+impl Epochs {
+    /// `kept_every`: each stands for so many.
+    pub(super) fn new(samples: Vec<Sample>, kept_every: usize) -> Self {
+        let clock = Clock::new(samples.iter().map(|sample| sample.time)).thinned(kept_every);
+        Self { samples, clock }
+    }
+
+    /// Values rounded to what a plot can show: the page stays small.
+    fn curve(&self, value: impl Fn(&Sample) -> Option<f64>) -> Curve {
+        self.samples.iter().map(|sample| value(sample).map(rounded)).collect()
+    }
+
+    fn draw(&self, plot: &mut Plot, values: &Curve, name: &str, colour: &'static str) {
+        self.clock.draw(plot, values, name, Line::new().color(colour).width(1.5), colour);
+    }
+
+    /// Whether any has a value.
+    pub(super) fn has(&self, value: impl Fn(&Sample) -> bool) -> bool {
+        self.samples.iter().any(value)
+    }
+}
 
 /// An angle with its bands of one and three standard deviations, and the truth where known.
-pub(super) fn angle(samples: &[Sample], k: usize, name: &str) -> Plot {
-    let mut plot = over_time(samples, &format!("{name}, degrees"));
-    let angles = continued(curve(samples, |sample| sample.angles_deg[k]));
-    add_bands(&mut plot, samples, k, &angles);
-    add_line(&mut plot, samples, &angles, "solution", Line::new().color(BLUE).width(1.5));
-    if samples.iter().any(|sample| sample.truth_deg.is_some()) {
-        let truth = curve(samples, |sample| sample.truth_deg.map(|angles| angles[k]));
+pub(super) fn angle(epochs: &Epochs, k: usize, name: &str) -> Plot {
+    let mut plot = epochs.clock.plot(&format!("{name}, degrees"));
+    let angles = continued(epochs.curve(|sample| sample.angles_deg[k]));
+    add_bands(&mut plot, epochs, &angles, |sample| sample.sd_deg[k]);
+    epochs.draw(&mut plot, &angles, "solution", BLUE);
+    if epochs.has(|sample| sample.truth_deg.is_some()) {
+        let truth = epochs.curve(|sample| sample.truth_deg.map(|angles| angles[k]));
         // On top, with gaps through which the solution is seen.
         let line = Line::new().color(VERMILION).width(2.0).dash(DashType::Dash);
-        add_line(&mut plot, samples, &continued_beside(truth, &angles), "truth", line);
+        let truth = continued_beside(truth, &angles);
+        epochs.clock.draw(&mut plot, &truth, "truth", line, VERMILION);
     }
     plot
 }
 
 /// Whether the plot of the heading leaves the range of a compass.
-pub(super) fn is_continued(samples: &[Sample]) -> bool {
-    let headings = continued(curve(samples, |sample| sample.angles_deg[0]));
+pub(super) fn is_continued(epochs: &Epochs) -> bool {
+    let headings = continued(epochs.curve(|sample| sample.angles_deg[0]));
     headings.iter().flatten().any(|heading| !(0.0..=360.0).contains(heading))
 }
 
 /// The error of an angle inside the bands that it claims.
-pub(super) fn error(samples: &[Sample], k: usize, name: &str) -> Plot {
-    let mut plot = over_time(samples, &format!("{name} error, degrees"));
-    let zero = curve(samples, |sample| sample.angles_deg[k].map(|_| 0.0));
-    add_bands(&mut plot, samples, k, &zero);
+pub(super) fn error(epochs: &Epochs, k: usize, name: &str) -> Plot {
+    let mut plot = epochs.clock.plot(&format!("{name} error, degrees"));
+    let zero = epochs.curve(|sample| sample.angles_deg[k].map(|_| 0.0));
+    add_bands(&mut plot, epochs, &zero, |sample| sample.sd_deg[k]);
     let error = |sample: &Sample| Some(difference_deg(sample.angles_deg[k]?, sample.truth_deg?[k]));
-    let line = Line::new().color(BLUE).width(1.5);
-    add_line(&mut plot, samples, &curve(samples, error), "solution minus truth", line);
+    epochs.draw(&mut plot, &epochs.curve(error), "solution minus truth", BLUE);
     plot
 }
 
-/// A line for every status and reason that occurs, and their number.
-pub(super) fn status(samples: &[Sample]) -> (Plot, usize) {
-    let label = |sample: &Sample| match sample.reason {
+/// How fast an angle changes, with bands of one and three standard deviations.
+pub(super) fn rate(epochs: &Epochs, k: usize, name: &str) -> Plot {
+    let mut plot = epochs.clock.plot(&format!("{name} rate, degrees/s"));
+    let rates = epochs.curve(|sample| Some(sample.rates[k]?.radps.to_degrees()));
+    let sd = |sample: &Sample| sample.rates[k].map_or(0.0, |rate| rate.sd_radps.to_degrees());
+    add_bands(&mut plot, epochs, &rates, sd);
+    epochs.draw(&mut plot, &rates, "rate", BLUE);
+    plot
+}
+
+/// Status and reason.
+fn label(sample: &Sample) -> String {
+    match sample.reason {
         "" => sample.status.word().to_owned(),
         reason => format!("{}: {reason}", sample.status.word()),
-    };
-    let mut plot = over_time(samples, "");
+    }
+}
+
+/// The status that all epochs have, where it is one.
+pub(super) fn only_status(epochs: &Epochs) -> Option<String> {
+    let first = label(epochs.samples.first()?);
+    epochs.samples.iter().all(|sample| label(sample) == first).then_some(first)
+}
+
+/// A line for every status and reason that occurs, and their number.
+pub(super) fn status(epochs: &Epochs) -> (Plot, usize) {
+    let mut plot = epochs.clock.plot("");
     let mut lines = BTreeSet::new();
     for status in Status::ALL {
-        let of_status: Vec<&Sample> = samples.iter().filter(|s| s.status == status).collect();
-        if of_status.is_empty() {
+        let of_status = epochs.samples.iter().zip(epochs.clock.ms());
+        let (times, labels): (Vec<f64>, Vec<String>) = of_status
+            .filter(|(sample, _)| sample.status == status)
+            .map(|(sample, ms)| (*ms, label(sample)))
+            .unzip();
+        if times.is_empty() {
             continue;
         }
-        let colour = match status {
-            Status::Fixed => GREEN,
-            Status::Float => ORANGE,
-            Status::Lost | Status::NotCapable => GREY,
-            Status::Inconsistent => VERMILION,
-        };
-        let times: Vec<f64> = of_status.iter().map(|s| s.elapsed_s).collect();
-        let labels: Vec<String> = of_status.iter().map(|s| label(s)).collect();
         lines.extend(labels.iter().cloned());
-        let marker = Marker::new().color(colour).size(5);
+        let marker = Marker::new().color(colour_of_status(status)).size(5);
         plot.add_trace(
             Scatter::new(times, labels).mode(Mode::Markers).marker(marker).name(status.word()),
         );
@@ -96,26 +140,39 @@ pub(super) fn status(samples: &[Sample]) -> (Plot, usize) {
     (plot, lines.len())
 }
 
+const fn colour_of_status(status: Status) -> &'static str {
+    match status {
+        Status::Fixed => GREEN,
+        Status::Float => ORANGE,
+        Status::Lost | Status::NotCapable => GREY,
+        Status::Inconsistent => VERMILION,
+    }
+}
+
 /// The length of a baseline, and the length it should have.
-pub(super) fn length(samples: &[Sample], k: usize, name: &str, known_m: Option<f64>) -> Plot {
-    let mut plot = over_time(samples, &format!("{name}, m"));
+pub(super) fn length(epochs: &Epochs, k: usize, name: &str, known_m: Option<f64>) -> Plot {
+    let mut plot = epochs.clock.plot(&format!("{name}, m"));
     let marker = Marker::new().color(BLUE).size(3);
-    let lengths = curve(samples, |sample| sample.lengths_m.get(k).copied().flatten());
+    let lengths = epochs.curve(|sample| sample.lengths_m.get(k).copied().flatten());
     plot.add_trace(
-        Scatter::new(times(samples), lengths).mode(Mode::Markers).marker(marker).name("solution"),
+        Scatter::new(epochs.clock.ms().to_vec(), lengths)
+            .mode(Mode::Markers)
+            .marker(marker)
+            .name("solution"),
     );
-    if let Some(known_m) = known_m {
-        let known = vec![Some(known_m); samples.len()];
-        add_line(&mut plot, samples, &known, "known", Line::new().color(VERMILION).width(1.5));
+    let ends = [epochs.clock.ms().first(), epochs.clock.ms().last()];
+    if let (Some(known_m), [Some(first), Some(last)]) = (known_m, ends) {
+        let known = Scatter::new(vec![*first, *last], vec![known_m; 2]).mode(Mode::Lines);
+        plot.add_trace(known.line(Line::new().color(VERMILION).width(1.5)).name("known"));
     }
     plot
 }
 
 /// RMS of the double-differenced phase residuals.
-pub(super) fn residuals(samples: &[Sample]) -> Plot {
-    let mut plot = over_time(samples, "phase, RMS, mm");
-    let rms = curve(samples, |sample| sample.residual_rms_m.map(|rms| rms * 1e3));
-    add_line(&mut plot, samples, &rms, "phase residuals", Line::new().color(BLUE).width(1.5));
+pub(super) fn residuals(epochs: &Epochs) -> Plot {
+    let mut plot = epochs.clock.plot("phase, RMS, mm");
+    let rms = epochs.curve(|sample| sample.residual_rms_m.map(|rms| rms * 1e3));
+    epochs.draw(&mut plot, &rms, "phase residuals", BLUE);
     plot
 }
 
@@ -167,26 +224,39 @@ fn by_satellite(
     plot
 }
 
-/// How many satellites take part.
-pub(super) fn satellites(samples: &[Sample]) -> Plot {
-    let mut plot = over_time_from_zero(samples, "satellites");
-    let count = curve(samples, |sample| Some(sample.satellites as f64));
-    add_line(&mut plot, samples, &count, "satellites", Line::new().color(BLUE).width(1.5));
-    plot
+/// A curve, or a sentence that says as much.
+pub(super) enum Shown {
+    Curve(Box<Plot>),
+    Sentence(String),
 }
 
-/// How sure the integers are before the fact.
-pub(super) fn success_rate(samples: &[Sample]) -> Plot {
-    let mut plot = over_time_from_zero(samples, "success rate");
-    let rate = curve(samples, |sample| sample.success_rate);
-    let line = Line::new().color(BLUE).width(1.5);
-    add_line(&mut plot, samples, &rate, "predicted success rate", line);
-    plot
+/// How many satellites take part; nothing where there are none.
+pub(super) fn satellites(epochs: &Epochs) -> Option<Shown> {
+    let count = epochs.curve(|sample| Some(sample.satellites as f64));
+    if let Some(count) = constant(&count, 0.0) {
+        let sentence = format!("{count} satellites in every epoch.");
+        return (count > 0.0).then_some(Shown::Sentence(sentence));
+    }
+    let mut plot = epochs.clock.plot_from_zero("satellites");
+    epochs.draw(&mut plot, &count, "satellites", BLUE);
+    Some(Shown::Curve(Box::new(plot)))
+}
+
+/// How sure the integers are before the fact; nothing where there are none.
+pub(super) fn success_rate(epochs: &Epochs) -> Option<Shown> {
+    let rate = epochs.curve(|sample| sample.success_rate);
+    if let Some(rate) = constant(&rate, SUCCESS_RATE_TOLERANCE) {
+        let sentence = format!("Predicted success rate of the integers: {rate:.3} in every epoch.");
+        return Some(Shown::Sentence(sentence));
+    }
+    let mut plot = epochs.clock.plot_from_zero("success rate");
+    epochs.draw(&mut plot, &rate, "predicted success rate", BLUE);
+    epochs.has(|sample| sample.success_rate.is_some()).then(|| Shown::Curve(Box::new(plot)))
 }
 
 /// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
 /// their residuals, and the paths of the others.
-pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
+pub(super) fn sky(epochs: &Epochs, ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
     let axis = || Axis::new().visible(false).range(vec![-1.15, 1.15]);
     let mut plot = laid_out(
         Layout::new()
@@ -211,7 +281,7 @@ pub(super) fn sky(samples: &[Sample], ephemerides: &EphemerisStore, residuals: &
     let heights = Scatter::new(vec![0.0; 2], [30.0, 60.0].map(|deg| 1.0 - deg / 90.0).to_vec());
     let heights = heights.mode(Mode::Text).text_array(vec!["30°", "60°"]);
     plot.add_trace(heights.text_font(Font::new().size(10).color(GREY)).show_legend(false));
-    add_paths(&mut plot, samples, ephemerides);
+    add_paths(&mut plot, &epochs.samples, ephemerides);
     add_cells(&mut plot, residuals);
     plot
 }
@@ -289,37 +359,30 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
     }
 }
 
-/// The way in metres from the first place.
-pub(super) fn track(samples: &[Sample]) -> Plot {
-    let mut plot = laid_out(
-        Layout::new()
-            .x_axis(
-                Axis::new()
-                    .title(Title::with_text("east, m"))
-                    .scale_anchor("y")
-                    .constrain(AxisConstrain::Domain),
-            )
-            .y_axis(
-                Axis::new()
-                    .title(Title::with_text("north, m"))
-                    .auto_margin(true)
-                    .constrain(AxisConstrain::Domain),
-            ),
-    );
-    let mut places = samples.iter().filter_map(|sample| sample.position);
-    if let Some((first, first_m)) = places.next() {
-        let ned_from_ecef = first.ned_from_ecef();
-        let level = |place_m: Vector<Ecef>| (ned_from_ecef * (place_m - first_m)).xyz();
-        let (east, north): (Vec<f64>, Vec<f64>) =
-            places.map(|(_, place_m)| (level(place_m).y, level(place_m).x)).unzip();
-        let marker = Marker::new().color(BLUE).size(3);
-        plot.add_trace(
-            Scatter::new(east, north).mode(Mode::Markers).marker(marker).name("position"),
-        );
-        let marker = Marker::new().color(VERMILION).symbol(MarkerSymbol::TriangleUp).size(12);
-        let start = Scatter::new(vec![0.0], vec![0.0]).mode(Mode::Markers).marker(marker);
-        plot.add_trace(start.name("start"));
+/// The way on a map in metres from its first place, coloured by what each epoch is.
+pub(super) fn track(epochs: &Epochs) -> Plot {
+    let mut plot = chart::map("m");
+    let located = || epochs.samples.iter().filter_map(|s| Some((s.status, s.position?)));
+    let Some((_, (first, first_m))) = located().next() else { return plot };
+    let ned_from_ecef = first.ned_from_ecef();
+    let level = |place_m: Vector<Ecef>| {
+        let ned_m = (ned_from_ecef * (place_m - first_m)).xyz();
+        [ned_m.y, ned_m.x].map(rounded)
+    };
+    let places: Vec<(Status, [f64; 2])> =
+        located().map(|(status, (_, place_m))| (status, level(place_m))).collect();
+    for status in Status::ALL {
+        let of_status = places.iter().filter(|(of, _)| *of == status);
+        let (east, north): (Vec<f64>, Vec<f64>) = of_status.map(|(_, [e, n])| (*e, *n)).unzip();
+        if !east.is_empty() {
+            let marker = Marker::new().color(colour_of_status(status)).size(4);
+            let marks = Scatter::new(east, north).mode(Mode::Markers).marker(marker);
+            plot.add_trace(marks.name(status.word()));
+        }
     }
+    chart::add_start(&mut plot, [0.0, 0.0]);
+    let places: Vec<[f64; 2]> = places.into_iter().map(|(_, place)| place).collect();
+    chart::finish_map(&mut plot, &places, &[], "m");
     plot
 }
 
@@ -353,15 +416,6 @@ fn on_disc(azimuth_rad: f64, elevation_rad: f64) -> (f64, f64) {
     (radius * azimuth_rad.sin(), radius * azimuth_rad.cos())
 }
 
-fn times(samples: &[Sample]) -> Vec<f64> {
-    samples.iter().map(|sample| rounded(sample.elapsed_s)).collect()
-}
-
-/// Values rounded to what a plot can show: the page stays small.
-fn curve(samples: &[Sample], value: impl Fn(&Sample) -> Option<f64>) -> Curve {
-    samples.iter().map(|sample| value(sample).map(rounded)).collect()
-}
-
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }
@@ -385,23 +439,21 @@ fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     angles
 }
 
-/// Bands of one and three standard deviations of angle `k` around its values; without width where there
-/// are none for long.
-fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
-    let longest_s = longest_step_s(samples);
+/// Bands of one and three standard deviations around an angle or its rate; without width where there are
+/// none.
+fn add_bands(plot: &mut Plot, epochs: &Epochs, angles: &Curve, sd_deg: impl Fn(&Sample) -> f64) {
     // Time, angle and standard deviation.
     let mut known: Vec<(f64, f64, f64)> = Vec::new();
-    for (sample, angle) in samples.iter().zip(angles) {
+    for ((sample, ms), angle) in epochs.samples.iter().zip(epochs.clock.ms()).zip(angles) {
         let Some(angle) = *angle else { continue };
-        let now_s = rounded(sample.elapsed_s);
-        if let Some((before_s, before, _)) = known.last().copied()
-            && now_s - before_s > longest_s
+        if let Some((before_ms, before, _)) = known.last().copied()
+            && epochs.clock.is_broken(before_ms, *ms)
         {
-            known.extend([(before_s, before, 0.0), (now_s, angle, 0.0)]);
+            known.extend([(before_ms, before, 0.0), (*ms, angle, 0.0)]);
         }
-        known.push((now_s, angle, sample.sd_deg[k]));
+        known.push((*ms, angle, sd_deg(sample).min(MAX_BAND_SD_DEG)));
     }
-    let times: Vec<f64> = known.iter().map(|(time_s, ..)| *time_s).collect();
+    let times: Vec<f64> = known.iter().map(|(ms, ..)| *ms).collect();
     for (sigmas, name, colour) in [(3.0, "3 sigma", THREE_SIGMA), (1.0, "1 sigma", ONE_SIGMA)] {
         let edge = |sigmas: f64| -> Vec<f64> {
             known.iter().map(|(_, angle, sd)| rounded(angle + sigmas * sd)).collect()
@@ -412,49 +464,6 @@ fn add_bands(plot: &mut Plot, samples: &[Sample], k: usize, angles: &Curve) {
         plot.add_trace(lower.mode(Mode::Lines).line(none()));
         plot.add_trace(upper.mode(Mode::Lines).line(none()).fill(Fill::ToNextY).fill_color(colour));
     }
-}
-
-/// A line that is broken where there are no values, and where there are no epochs for long.
-fn add_line(plot: &mut Plot, samples: &[Sample], values: &Curve, name: &str, line: Line) {
-    let longest_s = longest_step_s(samples);
-    let (mut times, mut broken) = (Vec::new(), Vec::new());
-    for ((sample, value), step_s) in samples.iter().zip(values).zip(steps_s(samples).chain([0.0])) {
-        times.push(rounded(sample.elapsed_s));
-        broken.push(*value);
-        if step_s > longest_s {
-            times.push(rounded(sample.elapsed_s + step_s / 2.0));
-            broken.push(None);
-        }
-    }
-    let trace = Scatter::new(times, broken).mode(Mode::Lines).line(line).name(name);
-    plot.add_trace(trace.connect_gaps(false));
-}
-
-/// Times from each epoch to the next.
-fn steps_s(samples: &[Sample]) -> impl Iterator<Item = f64> {
-    samples.windows(2).map(|two| two[1].elapsed_s - two[0].elapsed_s)
-}
-
-/// Where the next epoch is further than this, some are missing.
-fn longest_step_s(samples: &[Sample]) -> f64 {
-    let mut steps: Vec<f64> = steps_s(samples).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).map_or(f64::INFINITY, |usual| LONG_GAP * usual)
-}
-
-fn over_time(samples: &[Sample], title: &str) -> Plot {
-    with_time(samples, Axis::new().title(Title::with_text(title)))
-}
-
-fn over_time_from_zero(samples: &[Sample], title: &str) -> Plot {
-    with_time(samples, Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
-}
-
-/// All plots over time begin and end at the same time.
-fn with_time(samples: &[Sample], axis: Axis) -> Plot {
-    let last_s = samples.last().map_or(1.0, |sample| sample.elapsed_s.max(1e-3));
-    let time = Axis::new().title(Title::with_text("time, s")).range(vec![0.0, last_s]);
-    laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
 }
 
 #[cfg(test)]

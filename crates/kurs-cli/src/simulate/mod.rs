@@ -5,21 +5,25 @@ mod every_key;
 mod imu_files;
 mod observation_files;
 mod scenario_file;
+mod stream;
 mod truth_tables;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use anyhow::bail;
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::signal::Signal;
 use kurs_formats::rinex::{ObservationFileHeader, write_navigation};
 use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
-use crate::failure::UsageError;
-use crate::output::OutputFile;
-use crate::progress::Progress;
+use crate::failure::{ExitCode, UsageError};
+use crate::interrupt::Watch;
+use crate::output::{OutputFile, OutputFolder};
+use crate::progress::{Progress, Work};
+use crate::window::Window;
 use observation_files::{ObservationFiles, file_name, signals_left_out};
 use scenario_file::load;
+use stream::StreamArgs;
 use truth_tables::{AmbiguityTable, TruthTable};
 
 /// Name of the navigation file.
@@ -32,53 +36,125 @@ pub(crate) struct Args {
     /// few-satellites, leo, two-bodies, edge, canopy, street.
     scenario: PathBuf,
     /// Folder for the files.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/simulate")]
     out: PathBuf,
+    /// Sets a key of the scenario, or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
+    #[command(flatten)]
+    stream: StreamArgs,
+    /// Prints what was written as JSON in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
 }
 
+/// What a run may leave in its folder besides the files named after antennas.
+const OUTPUTS: &[&str] =
+    &["truth.csv", "ambiguities.csv", NAVIGATION, "kurs.toml", "fuse.toml", "imu.csv"];
+
 impl Args {
     /// Simulates a built-in scenario.
     pub(crate) fn built_in(name: &str, out: PathBuf, quiet: bool) -> Self {
-        Self { scenario: name.into(), out, quiet }
+        let (set, window, stream) = (Vec::new(), Window::default(), StreamArgs::default());
+        Self { scenario: name.into(), out, set, window, stream, json: false, quiet }
+    }
+}
+
+/// A built-in scenario as live streams.
+pub(crate) struct LiveScenario {
+    simulation: Simulation,
+    first_port: u16,
+}
+
+impl LiveScenario {
+    /// Streams that will come from `first_port` on.
+    pub(crate) fn built_in(name: &str, first_port: u16) -> anyhow::Result<Self> {
+        let (scenario, attachments) = load(Path::new(name), &[])?;
+        Ok(Self { simulation: Simulation::new(scenario, &attachments)?, first_port })
+    }
+
+    /// The `[[antenna]]` tables of `kurs live`.
+    pub(crate) fn configuration(&self) -> String {
+        stream::live_configuration(&self.simulation, self.first_port)
+    }
+
+    /// Sends everything at real time.
+    pub(crate) fn send(mut self) -> anyhow::Result<()> {
+        stream::send(&mut self.simulation, StreamArgs::default(), self.first_port, true)?;
+        Ok(())
     }
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (scenario, attachments) = load(&args.scenario)?;
+    args.window.check()?;
+    let (scenario, attachments) = load(&args.scenario, &args.set)?;
     let mut simulation = Simulation::new(scenario, &attachments)
         .map_err(|error| UsageError(format!("{}: {error}", args.scenario.display())))?;
+    if let Some(port) = args.stream.stream {
+        let epochs = stream::send(&mut simulation, args.stream, port, args.quiet)?;
+        if !args.quiet {
+            println!("{epochs} epochs sent");
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.scenario))?;
     let mut files = Files::default();
-    let mut progress = Progress::start(args.quiet);
+    let mut progress = Progress::start(args.quiet, Work::SIMULATE);
     let mut epoch = SimulatedEpoch::default();
-    while simulation.next_epoch(&mut epoch) {
+    let watch = Watch::begin();
+    let (start, duration_s) = (simulation.start(), simulation.scenario().duration_s);
+    let mut epochs = 0_usize;
+    while !watch.asks_to_end() && simulation.next_epoch(&mut epoch) {
+        let Some(time) = epoch.bodies.first().map(|body| body.truth.time) else { break };
+        if !args.window.contains(time) {
+            continue;
+        }
         if files.antennas.is_empty() {
-            files = Files::create(&args.out, &simulation, &epoch)?;
+            files = Files::create(folder.path(), &simulation, &epoch)?;
         }
         files.write(&epoch)?;
-        progress.epoch(true);
+        epochs += 1;
+        progress.epoch(false, || Some((time - start) / duration_s.max(1e-9)));
     }
     progress.finish();
-    files.finish()?;
-    write_navigation_file(&args.out, simulation.navigation())?;
-    write_configurations(&args.out, &simulation)?;
-    let bodies = &simulation.scenario().body;
-    imu_files::write(&args.out, &simulation, |word, index| of_body(word, index, &bodies[index]))?;
-    if !args.quiet {
-        let [solve, fuse, solved] =
-            ["kurs.toml", "fuse.toml", "solved"].map(|name| args.out.join(name));
-        println!("{} epochs written to {}", simulation.epochs(), args.out.display());
-        if fuse.is_file() {
-            println!("next: kurs solve {} --out {}", solve.display(), solved.display());
-            println!("then: kurs fuse {}", fuse.display());
-        } else {
-            println!("next: kurs solve {}", solve.display());
-        }
+    if epochs == 0 {
+        bail!("no epoch of the scenario is inside --from and --to");
     }
-    Ok(ExitCode::SUCCESS)
+    files.finish()?;
+    write_navigation_file(folder.path(), simulation.navigation())?;
+    write_configurations(folder.path(), &simulation)?;
+    let bodies = &simulation.scenario().body;
+    let names = |word: &str, index: usize| of_body(word, index, &bodies[index]);
+    imu_files::write(folder.path(), &simulation, names)?;
+    folder.publish()?;
+    if args.json {
+        let (out, interrupted) = (args.out.display().to_string(), watch.was_interrupted());
+        println!(
+            "{:#}",
+            serde_json::json!({ "epochs": epochs, "out": out, "interrupted": interrupted })
+        );
+    } else if !args.quiet {
+        tell(&args.out, epochs);
+    }
+    Ok(watch.status(ExitCode::SUCCESS))
+}
+
+/// The closing lines: what is there, and what to do with it.
+fn tell(out: &Path, epochs: usize) {
+    let [solve, fuse, solved] = ["kurs.toml", "fuse.toml", "solved"].map(|name| out.join(name));
+    println!("{epochs} epochs written to {}", out.display());
+    if fuse.is_file() {
+        println!("next: kurs solve {} --out {}", solve.display(), solved.display());
+        println!("then: kurs fuse {}", fuse.display());
+    } else {
+        println!("next: kurs solve {}", solve.display());
+    }
 }
 
 /// Everything that is written epoch by epoch.

@@ -29,13 +29,14 @@ const BUILT_IN: [(&str, &str); 11] = [
     ("street", include_str!("../../../../scenarios/street.toml")),
 ];
 
-/// Reads a scenario file, or a built-in scenario by its name, and the files that it refers to.
-pub(crate) fn load(path: &Path) -> anyhow::Result<(Scenario, Attachments)> {
+/// Reads a scenario file, or a built-in scenario by its name, with the values of `--set`, and the files that
+/// it refers to.
+pub(crate) fn load(path: &Path, set: &[String]) -> anyhow::Result<(Scenario, Attachments)> {
     let name = path.to_string_lossy();
     let built_in = BUILT_IN.iter().find(|(known, _)| *known == name);
     let scenario: Scenario = match built_in {
-        Some((_, text)) if !path.is_file() => config_file::parse(text, &name)?,
-        _ if path.is_file() => config_file::read(path)?,
+        Some((_, text)) if !path.is_file() => config_file::parse_with(text, &name, set, "")?,
+        _ if path.is_file() => config_file::read_with(path, set, "")?,
         _ => {
             let known: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
             let known = known.join(", ");
@@ -102,7 +103,7 @@ mod tests {
     #[test]
     fn built_in_scenarios_run() {
         for (name, _) in BUILT_IN {
-            let (scenario, attachments) = load(Path::new(name)).unwrap();
+            let (scenario, attachments) = load(Path::new(name), &[]).unwrap();
             let mut simulation = Simulation::new(scenario, &attachments).unwrap();
             let mut epoch = SimulatedEpoch::default();
             assert!(simulation.next_epoch(&mut epoch), "{name}");
@@ -117,7 +118,7 @@ mod tests {
 
     #[test]
     fn an_unknown_scenario_is_wrong_usage() {
-        let error = load(Path::new("boat")).unwrap_err();
+        let error = load(Path::new("boat"), &[]).unwrap_err();
         assert!(error.is::<UsageError>());
         assert!(error.to_string().contains("few-satellites"), "{error}");
     }

@@ -1,8 +1,6 @@
 //! Configuration of `kurs solve`: file, flags and `--set` become one table, read strictly, and the
 //! table remembers where each value came from.
 
-use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use kurs::array::AntennaArray;
@@ -12,15 +10,19 @@ use kurs::frames::Vector;
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
-use kurs_formats::logs::Protocol;
+use kurs_formats::logs::{LogPart, Protocol};
 use kurs_formats::sbf::AntennaId;
-use serde::{Deserialize, Deserializer};
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::found_files::{FoundAntenna, FoundFiles};
+use super::origins::Origins;
 use crate::config_file;
 use crate::failure::UsageError;
+use crate::window::Window;
 
 /// The configuration as written.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Config {
     #[serde(default)]
@@ -34,26 +36,54 @@ pub(crate) struct Config {
     #[serde(default)]
     pub(crate) point: Vec<PointTable>,
     pub(crate) station: Option<StationTable>,
+    /// What only `kurs live` reads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) live: Option<LiveTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) output: Vec<OutputTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) log: Option<LogTable>,
+    // What `kurs plan` is told in the same file.
+    #[serde(default, rename = "plan", skip_serializing)]
+    _plan: IgnoredAny,
+    #[serde(default, rename = "mask", skip_serializing)]
+    _mask: IgnoredAny,
+    #[serde(default, rename = "baseline", skip_serializing)]
+    _baseline: IgnoredAny,
 }
 
 /// One antenna.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct AntennaTable {
     pub(crate) name: String,
+    #[serde(default)]
     pub(crate) obs: Vec<PathBuf>,
+    /// `kurs live`: where the bytes come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stream: Option<String>,
     pub(crate) position_m: Option<[f64; 3]>,
     /// IGS name of type and radome, to be found in the ANTEX files.
     pub(crate) antenna_type: Option<String>,
     /// The north mark against the body's forward axis, clockwise seen from above.
     pub(crate) antenna_orientation_deg: Option<f64>,
     /// Log of several protocols with observations: the one that is wanted.
-    #[serde(default, deserialize_with = "protocol")]
+    #[serde(
+        default,
+        deserialize_with = "protocol",
+        serialize_with = "protocol_word",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is this antenna.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is this one: main, aux1, aux2.
-    #[serde(default, deserialize_with = "antenna_id")]
+    #[serde(
+        default,
+        deserialize_with = "antenna_id",
+        serialize_with = "antenna_id_word",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(crate) antenna_id: Option<AntennaId>,
 }
 
@@ -61,12 +91,37 @@ fn antenna_id<'de, D: Deserializer<'de>>(text: D) -> Result<Option<AntennaId>, D
     String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
 
+#[allow(clippy::ref_option)] // as serde calls it
+fn antenna_id_word<S: Serializer>(
+    id: &Option<AntennaId>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    id.map(|id| id.to_string()).serialize(serializer)
+}
+
+#[allow(clippy::ref_option)] // as serde calls it
+fn protocol_word<S: Serializer>(
+    protocol: &Option<Protocol>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    protocol.map(word).serialize(serializer)
+}
+
+/// As a configuration names it.
+const fn word(protocol: Protocol) -> &'static str {
+    match protocol {
+        Protocol::Ubx => "ubx",
+        Protocol::Rtcm3 => "rtcm3",
+        Protocol::Sbf => "sbf",
+    }
+}
+
 fn protocol<'de, D: Deserializer<'de>>(text: D) -> Result<Option<Protocol>, D::Error> {
     String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
 
 /// Antenna calibrations.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct AntexTable {
     #[serde(default)]
@@ -74,41 +129,101 @@ pub(crate) struct AntexTable {
 }
 
 /// Navigation files.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct NavTable {
     #[serde(default)]
     pub(crate) files: Vec<PathBuf>,
+    /// Of a log only the ephemerides that came before the epoch, as a live run knows them.
+    #[serde(default)]
+    pub(crate) as_received: bool,
     /// Date, or date and time, of logs that do not tell it.
     pub(crate) approximate_time: Option<toml::value::Datetime>,
 }
 
 /// A fixed station at a known place.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StationTable {
+    #[serde(default)]
     pub(crate) obs: Vec<PathBuf>,
+    /// `kurs live`: where the bytes come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stream: Option<String>,
     pub(crate) position_ecef_m: [f64; 3],
     /// Log of several protocols with observations: the one that is wanted.
-    #[serde(default, deserialize_with = "protocol")]
+    #[serde(
+        default,
+        deserialize_with = "protocol",
+        serialize_with = "protocol_word",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(crate) protocol: Option<Protocol>,
     /// RTCM 3 log: the station that is meant.
     pub(crate) station_id: Option<u16>,
     /// SBF log: the antenna of the receiver that is meant.
-    #[serde(default, deserialize_with = "antenna_id")]
+    #[serde(
+        default,
+        deserialize_with = "antenna_id",
+        serialize_with = "antenna_id_word",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub(crate) antenna_id: Option<AntennaId>,
 }
 
 /// A further point of the body.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PointTable {
     pub(crate) name: String,
     pub(crate) position_m: [f64; 3],
 }
 
+/// The service of `kurs live`.
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct LiveTable {
+    /// Name in messages.
+    pub(crate) body: Option<String>,
+    pub(crate) deadline_ms: Option<f64>,
+    pub(crate) state_dir: Option<PathBuf>,
+    /// Address of `/healthz` and `/metrics`.
+    pub(crate) page: Option<String>,
+}
+
+/// Where messages go.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct OutputTable {
+    pub(crate) to: String,
+    pub(crate) profile: Profile,
+    pub(crate) rate_hz: Option<f64>,
+    /// Angles of float rows leave too.
+    #[serde(default)]
+    pub(crate) float: bool,
+}
+
+/// What messages look like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Profile {
+    /// Sentences of NMEA 0183.
+    Marine,
+    /// The columns of `attitude.csv` as JSON lines, with the times of the message.
+    Jsonl,
+    /// The rows of `attitude.csv`.
+    Csv,
+}
+
+/// Raw logs of the streams.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LogTable {
+    pub(crate) dir: PathBuf,
+}
+
 /// The method's settings; every key has a default.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SolveTable {
     pub(crate) bands: Option<Vec<String>>,
@@ -128,7 +243,7 @@ pub(crate) struct SolveTable {
 }
 
 /// How ambiguities are carried from epoch to epoch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum AmbiguityKey {
     Instantaneous,
@@ -136,7 +251,7 @@ pub(crate) enum AmbiguityKey {
 }
 
 /// How baselines move from epoch to epoch while ambiguities are carried on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum MotionKey {
     Free,
@@ -145,7 +260,7 @@ pub(crate) enum MotionKey {
 }
 
 /// What is known of the array in the integer search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ConstraintKey {
     Array,
@@ -178,87 +293,124 @@ impl Default for SolveTable {
 #[derive(Debug, Clone)]
 pub(crate) struct Loaded {
     pub(crate) config: Config,
+    /// Which epochs count.
+    pub(crate) window: Window,
     /// Folder that relative paths start from.
     folder: PathBuf,
-    origins: BTreeMap<String, String>,
+    pub(super) origins: Origins,
     text: String,
 }
 
 /// What the command line adds to or puts in place of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Overrides<'a> {
+    /// Files without names of antennas.
+    pub(crate) found: Option<&'a FoundFiles>,
     /// `NAME=OBS[#ID][@X,Y,Z]`
     pub(crate) antennas: &'a [String],
     /// Navigation files.
     pub(crate) nav: &'a [PathBuf],
     /// `key=value`
     pub(crate) set: &'a [String],
+    /// Which epochs count.
+    pub(crate) window: Window,
+    /// Streams take the place of files.
+    pub(crate) is_live: bool,
 }
 
 /// Reads the configuration file (if any), applies flags and `--set`.
 pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loaded, UsageError> {
+    overrides.window.check()?;
     let mut table = toml::Table::new();
-    let mut origins = BTreeMap::new();
+    let mut origins = Origins::default();
     let mut folder = PathBuf::new();
     if let Some(path) = file {
+        let name = path.display().to_string();
+        let text = config_file::text(path)?;
         // Read once into the typed form, for messages with line numbers.
-        let _: Config = config_file::read(path)?;
-        table = config_file::read(path)?;
+        let _: Config = config_file::parse(&text, &name)?;
+        table = config_file::parse(&text, &name)?;
         folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
-        note_origins(&table, &path.display().to_string(), &mut origins);
+        origins.of_file(&text, &name);
     }
-    if !overrides.antennas.is_empty() {
-        let antennas: Result<Vec<_>, _> =
-            overrides.antennas.iter().map(|a| antenna_flag(a)).collect();
-        table.insert("antenna".into(), toml::Value::Array(antennas?));
-        origins.insert("antenna".into(), "--antenna".into());
+    let mut antennas = Vec::new();
+    if let Some(found) = overrides.found {
+        antennas.extend(
+            found.antennas.iter().map(|antenna| (found_antenna(antenna), "command line".into())),
+        );
+        let (nav, origin) = found.navigation();
+        set_files(&mut table, "nav", &nav, origin, &mut origins);
+        set_files(&mut table, "antex", &found.antex, "command line", &mut origins);
     }
-    if !overrides.nav.is_empty() {
-        let files = overrides.nav.iter().map(|path| absolute(path)).collect();
-        let nav = toml::Table::from_iter([("files".to_owned(), toml::Value::Array(files))]);
-        table.insert("nav".into(), toml::Value::Table(nav));
-        origins.insert("nav.files".into(), "--nav".into());
+    for flag in overrides.antennas {
+        antennas.push((antenna_flag(flag)?, format!("--antenna {flag}")));
     }
+    if !antennas.is_empty() {
+        origins.forget("antenna");
+        for (index, (antenna, origin)) in antennas.iter().enumerate() {
+            origins.of_keys(&format!("antenna.{index}"), antenna, origin);
+        }
+        let antennas = antennas.into_iter().map(|(antenna, _)| toml::Value::Table(antenna));
+        table.insert("antenna".into(), toml::Value::Array(antennas.collect()));
+    }
+    set_files(&mut table, "nav", overrides.nav, "--nav", &mut origins);
     for assignment in overrides.set {
-        set(&mut table, assignment, &mut origins)?;
+        let set_key = config_file::set(&mut table, assignment, "solve")?;
+        origins.set(&set_key, "--set");
         typed(&table).map_err(|what| UsageError(format!("--set {assignment}: {what}")))?;
     }
     let (config, text) = typed(&table).map_err(UsageError)?;
-    let loaded = Loaded { config, folder, origins, text };
+    let loaded = Loaded { config, window: overrides.window, folder, origins, text };
     loaded.check()?;
+    if !overrides.is_live {
+        loaded.check_files()?;
+    }
     Ok(loaded)
+}
+
+/// Puts files in place of `[name] files`; none leave it as it is.
+fn set_files(
+    table: &mut toml::Table,
+    name: &str,
+    files: &[PathBuf],
+    origin: &str,
+    origins: &mut Origins,
+) {
+    if files.is_empty() {
+        return;
+    }
+    let files = toml::Value::Array(files.iter().map(|path| absolute(path)).collect());
+    let inner = table.entry(name).or_insert_with(|| toml::Table::new().into());
+    if let toml::Value::Table(inner) = inner {
+        inner.insert("files".into(), files);
+        origins.set(&format!("{name}.files"), origin);
+    }
+}
+
+/// An antenna of files whose content tells.
+fn found_antenna(found: &FoundAntenna) -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("name".into(), found.name.clone().into());
+    let files = found.files.iter().map(|path| absolute(path)).collect();
+    table.insert("obs".into(), toml::Value::Array(files));
+    match found.part {
+        Some(LogPart::Receiver) => table.insert("protocol".into(), word(Protocol::Ubx).into()),
+        Some(LogPart::Station(id)) => table.insert("station_id".into(), i64::from(id).into()),
+        Some(LogPart::Antenna(id)) => table.insert("antenna_id".into(), id.to_string().into()),
+        None => None,
+    };
+    table
 }
 
 /// The table as a configuration, and as text; what is wrong with it otherwise.
 fn typed(table: &toml::Table) -> Result<(Config, String), String> {
     let text = toml::to_string(table).map_err(|error| error.to_string())?;
-    match config_file::parse(&text, "") {
-        Ok(config) => Ok((config, text)),
-        // The line is one of a text that nobody has written.
-        Err(UsageError(message)) => {
-            Err(message.splitn(3, ':').last().unwrap_or("").trim().to_owned())
-        }
-    }
+    Ok((config_file::typed(table)?, text))
 }
 
 fn absolute(path: &Path) -> toml::Value {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     toml::Value::String(absolute.display().to_string())
-}
-
-fn note_origins(table: &toml::Table, origin: &str, origins: &mut BTreeMap<String, String>) {
-    for (key, value) in table {
-        match value {
-            toml::Value::Table(inner) => {
-                for inner_key in inner.keys() {
-                    origins.insert(format!("{key}.{inner_key}"), origin.to_owned());
-                }
-            }
-            _ => {
-                origins.insert(key.clone(), origin.to_owned());
-            }
-        }
-    }
 }
 
 /// A date of TOML, with or without a time of day; some seconds between time scales do not matter.
@@ -276,7 +428,7 @@ fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
 }
 
 /// `NAME=OBS[#ID][@X,Y,Z]`: the protocol, station (RTCM 3) or antenna (SBF) of a log that has several.
-fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
+fn antenna_flag(flag: &str) -> Result<toml::Table, UsageError> {
     let expected = || {
         UsageError(format!(
             "--antenna {flag}: expected NAME=OBS, NAME=OBS@X,Y,Z or, of one log with several antennas, \
@@ -320,54 +472,21 @@ fn antenna_flag(flag: &str) -> Result<toml::Value, UsageError> {
             toml::Value::Array(xyz.into_iter().map(Into::into).collect()),
         );
     }
-    Ok(toml::Value::Table(table))
-}
-
-/// `key=value` of `[solve]`, or `table.key=value`.
-fn set(
-    table: &mut toml::Table,
-    assignment: &str,
-    origins: &mut BTreeMap<String, String>,
-) -> Result<(), UsageError> {
-    let (key, value) = assignment
-        .split_once('=')
-        .ok_or_else(|| UsageError(format!("--set {assignment}: expected key=value")))?;
-    let (section, key) = key.trim().split_once('.').unwrap_or(("solve", key.trim()));
-    let parsed = parse_value(value.trim());
-    let entry = table.entry(section).or_insert_with(|| toml::Table::new().into());
-    let toml::Value::Table(inner) = entry else {
-        return Err(UsageError(format!(
-            "--set {assignment}: `{section}` is not a table with keys"
-        )));
-    };
-    inner.insert(key.to_owned(), parsed);
-    origins.insert(format!("{section}.{key}"), "--set".into());
-    Ok(())
-}
-
-/// A value as TOML reads it; bare words and comma lists of them need no quotes on a command line.
-fn parse_value(text: &str) -> toml::Value {
-    if let Ok(mut parsed) = format!("v = {text}").parse::<toml::Table>()
-        && let Some(value) = parsed.remove("v")
-    {
-        return value;
-    }
-    let inside = text.strip_prefix('[').and_then(|t| t.strip_suffix(']'));
-    match inside {
-        Some(list) => {
-            let words = list.split(',').map(str::trim).filter(|word| !word.is_empty());
-            toml::Value::Array(
-                words.map(|word| toml::Value::String(word.trim_matches('"').to_owned())).collect(),
-            )
-        }
-        None => toml::Value::String(text.to_owned()),
-    }
+    Ok(table)
 }
 
 impl Loaded {
     /// A path of the configuration, relative to its file's folder.
     pub(crate) fn path(&self, path: &Path) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// Every file that the configuration names.
+    pub(crate) fn input_files(&self) -> Vec<PathBuf> {
+        let Config { antenna, station, nav, antex, .. } = &self.config;
+        let observed =
+            antenna.iter().flat_map(|a| &a.obs).chain(station.iter().flat_map(|s| &s.obs));
+        observed.chain(&nav.files).chain(&antex.files).map(|file| self.path(file)).collect()
     }
 
     /// `[nav] approximate_time`
@@ -378,6 +497,18 @@ impl Loaded {
     /// The text that stands for this configuration in its hash.
     pub(crate) fn text(&self) -> &str {
         &self.text
+    }
+
+    /// Every antenna, and the station if there is one, must have files.
+    fn check_files(&self) -> Result<(), UsageError> {
+        let Config { antenna, station, .. } = &self.config;
+        if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
+            return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
+        }
+        if station.as_ref().is_some_and(|station| station.obs.is_empty()) {
+            return Err(UsageError("station: `obs` names no file".into()));
+        }
+        Ok(())
     }
 
     fn check(&self) -> Result<(), UsageError> {
@@ -400,9 +531,6 @@ impl Loaded {
                 )));
             }
         }
-        if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
-            return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
-        }
         if let Some(time) = &nav.approximate_time
             && gps_time(time).is_none()
         {
@@ -418,9 +546,6 @@ impl Loaded {
                     "station.position_ecef_m is {radius_m:.0} m from the Earth's centre, expected ECEF \
                      coordinates of a place on the Earth"
                 )));
-            }
-            if station.obs.is_empty() {
-                return Err(UsageError("station: `obs` names no file".into()));
             }
         }
         for a in antenna {
@@ -467,7 +592,7 @@ impl Loaded {
 
     /// The constraint in force: the known array wherever it is known; of two antennas that is their
     /// length.
-    fn constraint(&self) -> Constraint {
+    pub(super) fn constraint(&self) -> Constraint {
         let antennas = &self.config.antenna;
         let whole = if antennas.len() == 2 { Constraint::Length } else { Constraint::Array };
         match self.config.solve.constraint {
@@ -574,108 +699,5 @@ impl Loaded {
             }
             ArrayError::TooFew { .. } => error.to_string(),
         }
-    }
-
-    /// Every key in force and where its value comes from.
-    pub(crate) fn explain(&self) -> String {
-        let solve = &self.config.solve;
-        let constraint = match self.constraint() {
-            Constraint::None => "\"none\"",
-            Constraint::Length => "\"length\"",
-            Constraint::Array => "\"array\"",
-        };
-        let ambiguity = match solve.ambiguity {
-            AmbiguityKey::Instantaneous => "\"instantaneous\"",
-            AmbiguityKey::Continuous => "\"continuous\"",
-        };
-        let motion = match solve.motion {
-            MotionKey::Free => "\"free\"",
-            MotionKey::Static => "\"static\"",
-            MotionKey::RandomWalk => "\"random_walk\"",
-        };
-        let bands = solve
-            .bands
-            .as_ref()
-            .map_or("every band that two antennas share".into(), |b| format!("{b:?}"));
-        let keys = [
-            ("solve.bands", bands),
-            ("solve.elevation_mask_deg", solve.elevation_mask_deg.to_string()),
-            ("solve.ambiguity", ambiguity.into()),
-            ("solve.motion", motion.into()),
-            ("solve.random_walk_m", solve.random_walk_m.to_string()),
-            ("solve.constraint", constraint.into()),
-            ("solve.array_sd_m", solve.array_sd_m.to_string()),
-            ("solve.max_wrong_fix_rate", solve.max_wrong_fix_rate.to_string()),
-            ("solve.max_tilt_deg", solve.max_tilt_deg.to_string()),
-            ("solve.roll_sd_deg", solve.roll_sd_deg.to_string()),
-            ("solve.max_angle_sd_deg", solve.max_angle_sd_deg.to_string()),
-            (
-                "solve.code_sd_m",
-                format!("{}  (zenith; / sin(elevation), 45 dB-Hz)", solve.code_sd_m),
-            ),
-            (
-                "solve.phase_sd_m",
-                format!("{}  (zenith; / sin(elevation), 45 dB-Hz)", solve.phase_sd_m),
-            ),
-            ("solve.glonass_channel_sd_m", solve.glonass_channel_sd_m.to_string()),
-        ];
-        let mut text = String::new();
-        let origin = |key: &str| self.origins.get(key).map_or("default", String::as_str);
-        for antenna in &self.config.antenna {
-            let position = antenna.position_m.map_or(String::new(), |p| format!(" at {p:?} m"));
-            let files: Vec<_> =
-                antenna.obs.iter().map(|p| self.path(p).display().to_string()).collect();
-            let mount = antenna.antenna_type.as_ref().map_or(String::new(), |name| {
-                let degrees = antenna.antenna_orientation_deg.unwrap_or(0.0);
-                format!(", {name} turned by {degrees} deg")
-            });
-            let _ = writeln!(
-                text,
-                "antenna {} = {}{position}{mount}  [{}]",
-                antenna.name,
-                files.join(", "),
-                origin("antenna")
-            );
-        }
-        for file in &self.config.antex.files {
-            let _ = writeln!(
-                text,
-                "antex.files = {}  [{}]",
-                self.path(file).display(),
-                origin("antex.files")
-            );
-        }
-        if let Some(station) = &self.config.station {
-            let files: Vec<_> =
-                station.obs.iter().map(|p| self.path(p).display().to_string()).collect();
-            let _ = writeln!(
-                text,
-                "station: {} at {:?} m  [{}]",
-                files.join(", "),
-                station.position_ecef_m,
-                origin("station")
-            );
-        }
-        for file in &self.config.nav.files {
-            let _ = writeln!(
-                text,
-                "nav.files = {}  [{}]",
-                self.path(file).display(),
-                origin("nav.files")
-            );
-        }
-        for (key, value) in keys {
-            let _ = writeln!(text, "{key} = {value}  [{}]", origin(key));
-        }
-        for point in &self.config.point {
-            let _ = writeln!(
-                text,
-                "point {} at {:?} m  [{}]",
-                point.name,
-                point.position_m,
-                origin("point")
-            );
-        }
-        text
     }
 }

@@ -37,10 +37,12 @@ impl Input {
         let options = LogOptions {
             approximate_time: loaded.approximate_time(),
             navigation_time: middle_time(&navigation),
+            as_received: loaded.config.nav.as_received,
             ..LogOptions::default()
         };
         let antennas = observation_files(loaded, &options);
-        let streams = Streams::open(antennas, station_files(loaded, &options))?;
+        let streams = Streams::open(antennas, station_files(loaded, &options), loaded.window)?;
+        // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
         }
@@ -54,14 +56,18 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
     let mut damage = Vec::new();
     let given = loaded.config.nav.files.iter().map(|file| loaded.path(file));
     let (mut files, given_count) = (given.collect::<Vec<_>>(), loaded.config.nav.files.len());
+    let mut received = false;
     for file in loaded.config.antenna.iter().flat_map(|antenna| &antenna.obs) {
         let path = loaded.path(file);
         // What is read here is gone from a pipe.
         if !files.contains(&path) && can_be_read_again(&path) && Content::of_file(&path)?.is_log() {
-            files.push(path);
+            received |= loaded.config.nav.as_received;
+            if !loaded.config.nav.as_received {
+                files.push(path);
+            }
         }
     }
-    if files.is_empty() {
+    if files.is_empty() && !received {
         let expected = "no navigation file: give `[nav] files` or --nav FILE";
         return Err(UsageError(expected.into()).into());
     }
@@ -74,7 +80,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let entries = framing.iter().chain(summary.damage.listed());
         damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
     }
-    if navigation.ephemerides.is_empty() {
+    if navigation.ephemerides.is_empty() && !received {
         bail!("no usable ephemeris in {}: {SOURCES_OF_EPHEMERIDES}", names(&files));
     }
     Ok((navigation, damage))

@@ -1,14 +1,18 @@
 //! `kurs solve`: observation and navigation files in, attitude out.
 
 pub(crate) mod config;
+mod explain;
+pub(crate) mod found_files;
 pub(crate) mod input;
 mod nmea;
-mod phase_centers;
+mod origins;
+pub(crate) mod phase_centers;
+mod pos;
 mod review;
+pub(crate) mod session_args;
 pub(crate) mod streams;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::bail;
 use kurs::antenna_calibration::MountedAntenna;
@@ -20,47 +24,69 @@ use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 use kurs_formats::nmea::Profile;
 
-use crate::failure::UsageError;
-use crate::output;
-use crate::progress::Progress;
+use crate::copies::Copies;
+use crate::failure::{ExitCode, RequiredFix, UsageError};
+use crate::interrupt::Watch;
+use crate::output::{self, Destination, OutputFolder};
+use crate::progress::{Progress, Work};
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
-use config::{Loaded, Overrides};
+use config::Loaded;
+use explain::ExplainFormat;
 pub(crate) use input::{Input, antenna_names};
 use nmea::NmeaLog;
+use pos::PosFiles;
 use review::Review;
+use session_args::SessionArgs;
 use streams::Streams;
+
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "attitude.csv",
+    "attitude.jsonl",
+    "attitude.nmea",
+    "baselines.csv",
+    "baselines.jsonl",
+    "points.csv",
+    "points.jsonl",
+    "antennas.csv",
+    "antennas.jsonl",
+    "position.pos",
+    "baseline-*.pos",
+    "summary.json",
+    "report.html",
+    "track.geojson",
+    "track.kml",
+];
 
 /// Attitude, baselines and position from observation and navigation files.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Configuration file (TOML); not needed with --antenna and --nav.
-    config: Option<PathBuf>,
-    /// An antenna: its name, observation file, and place on the body (m: forward, right, down).
-    #[arg(long, value_name = "NAME=OBS[#ID][@X,Y,Z]")]
-    antenna: Vec<String>,
-    /// Navigation files.
-    #[arg(long, value_name = "FILE", num_args = 1..)]
-    nav: Vec<PathBuf>,
-    /// Sets a key of the table `solve`, or `table.key`.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Folder for the outputs.
-    #[arg(long, value_name = "DIR", default_value = "kurs-out")]
+    #[command(flatten)]
+    session: SessionArgs,
+    /// Folder for the outputs; `-` writes the rows to standard output.
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/solve")]
     out: PathBuf,
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<Format>,
-    /// Writes report.html: plots of the whole run on one page that needs no network.
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
+    /// maps, track.geojson and track.kml.
     #[arg(long)]
     report: bool,
+    /// Prints summary.json in place of the closing summary.
+    #[arg(long)]
+    json: bool,
     /// Compares with the truth.csv of a simulation, and the ambiguities.csv beside it.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Prints every key in force and where its value comes from, and stops.
-    #[arg(long)]
-    explain: bool,
+    /// Prints every key in force and where its value comes from, and stops; with `toml` as a configuration.
+    #[arg(long, value_name = "FORMAT", value_enum, num_args = 0..=1, require_equals = true,
+        default_missing_value = "text")]
+    explain: Option<ExplainFormat>,
+    #[command(flatten)]
+    required_fix: RequiredFix,
     /// No progress and no closing summary.
     #[arg(long, short)]
     quiet: bool,
@@ -72,18 +98,18 @@ impl Args {
         config: PathBuf,
         truth: PathBuf,
         out: PathBuf,
+        json: bool,
         quiet: bool,
     ) -> Self {
         Self {
-            config: Some(config),
-            antenna: Vec::new(),
-            nav: Vec::new(),
-            set: Vec::new(),
+            session: SessionArgs::of_configuration(config),
             out,
             format: vec![Format::Csv],
             report: true,
             truth: Some(truth),
-            explain: false,
+            json,
+            explain: None,
+            required_fix: RequiredFix::default(),
             quiet,
         }
     }
@@ -101,41 +127,59 @@ enum Format {
     /// The same with PASHR, which has the standard deviations (not for gpsd).
     #[value(name = "nmea:survey")]
     NmeaSurvey,
+    /// position.pos and baseline-A-B.pos, as RTKLIB writes solutions and RTKPLOT opens them.
+    Pos,
+}
+
+impl Format {
+    /// The file with the rows of the attitude.
+    const fn rows(self) -> &'static str {
+        match self {
+            Self::Csv => "attitude.csv",
+            Self::Jsonl => "attitude.jsonl",
+            Self::Nmea | Self::NmeaSurvey => "attitude.nmea",
+            Self::Pos => "position.pos",
+        }
+    }
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    if args.config.is_none() && args.antenna.is_empty() {
-        let expected = "give a configuration file, or --antenna NAME=OBS twice and --nav FILE";
-        return Err(UsageError(expected.into()).into());
-    }
-    let overrides = Overrides { antennas: &args.antenna, nav: &args.nav, set: &args.set };
-    let loaded = config::load(args.config.as_deref(), &overrides)?;
+    let session = args.session.load()?;
+    let loaded = &session.loaded;
     let settings =
         Settings { residuals: args.report || args.truth.is_some(), ..loaded.settings()? };
-    if args.explain {
-        print!("{}", loaded.explain());
+    if let Some(format) = args.explain {
+        print!("{}", loaded.explain(format));
         return Ok(ExitCode::SUCCESS);
     }
 
-    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(&loaded)?;
+    let destination = Destination::of(&args.out)?;
+    let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
+    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
     if !args.quiet {
         phase_centers.tell();
     }
-    let mut review = Review::new(args, &loaded, &navigation)?;
-    let mut engine = engine(&loaded, settings, navigation, phase_centers.mounts)?;
-    let mut outputs = Outputs::create(&args.out, &args.format, &loaded)?;
+    let mut review = Review::new(args, loaded, &navigation)?;
+    let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
+    let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;
 
-    let mut summary = Summary::new(antenna_names(&loaded));
-    let mut progress = Progress::start(args.quiet);
+    let mut summary = Summary::new(antenna_names(loaded));
+    let mut copies = Copies::default();
+    let mut progress = Progress::start(args.quiet, Work::SOLVE);
     let mut epoch = ArrayEpoch::default();
-    while streams.next(&mut epoch)? {
-        let row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+    let watch = Watch::begin();
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
+        let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+        if copies.add(&epoch) {
+            refuse_zero_baseline(&mut row);
+        }
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
-        progress.epoch(row.status == Status::Fixed);
+        progress.epoch(row.status == Status::Fixed, || streams.share());
     }
     let wall_s = progress.finish();
 
@@ -143,17 +187,28 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.epochs() == 0 {
         bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
     }
-    let file = summary.file(loaded.text(), &damage, wall_s);
-    output::write_json(&args.out, "summary.json", &file)?;
+    if watch.was_interrupted() {
+        summary.interrupt();
+    }
     outputs.finish()?;
-    review.write(args, &loaded, &summary)?;
+    review.write(folder.path(), &session, &summary)?;
+    let file = summary.file(loaded.text(), &damage, wall_s);
+    output::write_json(folder.path(), "summary.json", &file)?;
+    folder.publish()?;
 
-    if !args.quiet {
-        print!("{}", closing(&summary, &damage, &args.out));
-        print!("{}", review.text());
+    match () {
+        () if destination.is_standard_output() => destination.print(args.format[0].rows())?,
+        () if args.json => println!("{}", serde_json::to_string_pretty(&file)?),
+        () if !args.quiet => {
+            print!("{}{}", closing(&summary, &damage, &args.out), review.text());
+            let asks = !watch.was_interrupted();
+            let line = asks.then(|| review::in_one_line(loaded, &summary, &copies)).flatten();
+            line.iter().for_each(|line| println!("{line}"));
+        }
+        () => {}
     }
     if summary.has_solution() {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
 }
@@ -180,10 +235,18 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
     row
 }
 
+/// An epoch whose antennas are one recording: its baselines are zero, which no array has.
+pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
+    (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
+    row.attitude = None;
+    row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
+}
+
 /// Everything that is written row by row.
 struct Outputs {
     tables: Vec<Tables>,
     nmea: Option<NmeaLog>,
+    pos: Option<PosFiles>,
 }
 
 impl Outputs {
@@ -205,13 +268,20 @@ impl Outputs {
         let profiles = [(Format::NmeaSurvey, Profile::Survey), (Format::Nmea, Profile::Marine)];
         let wanted = profiles.iter().find(|(format, _)| formats.contains(format));
         let nmea = wanted.map(|(_, profile)| NmeaLog::create(directory, *profile)).transpose()?;
-        Ok(Self { tables, nmea })
+        let pos = formats
+            .contains(&Format::Pos)
+            .then(|| {
+                PosFiles::create(directory, &antenna_names(loaded), loaded.config.station.is_some())
+            })
+            .transpose()?;
+        Ok(Self { tables, nmea, pos })
     }
 
     fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
         for tables in &mut self.tables {
             tables.write(row)?;
         }
+        self.pos.as_mut().map_or(Ok(()), |pos| pos.write(row))?;
         self.nmea.as_mut().map_or(Ok(()), |nmea| nmea.write(row))
     }
 
@@ -219,6 +289,7 @@ impl Outputs {
         for tables in self.tables {
             tables.finish()?;
         }
+        self.pos.map_or(Ok(()), PosFiles::finish)?;
         self.nmea.map_or(Ok(()), NmeaLog::finish)
     }
 }

@@ -25,7 +25,7 @@ impl PhaseCenters {
 }
 
 /// Finds the calibrations; what was damaged in the ANTEX files is added to `damage`.
-pub(super) fn read(loaded: &Loaded, damage: &mut Vec<Damage>) -> anyhow::Result<PhaseCenters> {
+pub(crate) fn read(loaded: &Loaded, damage: &mut Vec<Damage>) -> anyhow::Result<PhaseCenters> {
     let mut calibrations = AntennaCalibrations::default();
     for file in &loaded.config.antex.files {
         let path = loaded.path(file);

@@ -1,10 +1,17 @@
-//! What a run is shown and judged by, beside its tables: the report and the comparison with truth.
+//! What a run is shown and judged by, beside its tables: the report, the comparison with truth, and
+//! what `kurs doctor` would say.
+
+use std::path::Path;
 
 use kurs::ephemeris::{EphemerisStore, NavigationData};
 use kurs::solution::EpochSolution;
 
 use super::config::Loaded;
+use super::explain::ExplainFormat;
+use super::session_args::Session;
 use super::{Args, antenna_names};
+use crate::copies::Copies;
+use crate::doctor;
 use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::truth::{Agreement, Truth};
@@ -13,6 +20,19 @@ use crate::truth::{Agreement, Truth};
 pub(super) struct Review {
     report: Option<(Report, EphemerisStore)>,
     truth: Option<(Truth, Agreement)>,
+}
+
+/// What `kurs doctor` would say first, where little is fixed; `None` where enough is.
+pub(super) fn in_one_line(loaded: &Loaded, summary: &Summary, copies: &Copies) -> Option<String> {
+    if let Some(text) = copies.text(&antenna_names(loaded)) {
+        return Some(text);
+    }
+    let share = summary.fixed_of_session().unwrap_or(0.0);
+    if share >= doctor::WELL {
+        return None;
+    }
+    let causes = doctor::in_one_line(loaded, summary.main_reason());
+    Some(format!("only {:.1} % of the session is fixed: {causes}", 100.0 * share))
 }
 
 impl Review {
@@ -44,23 +64,25 @@ impl Review {
         }
     }
 
-    /// Writes the report.
+    /// Writes the report and the track into `folder`.
     pub(super) fn write(
         &self,
-        args: &Args,
-        loaded: &Loaded,
+        folder: &Path,
+        session: &Session,
         summary: &Summary,
     ) -> anyhow::Result<()> {
         let Some((report, ephemerides)) = &self.report else { return Ok(()) };
         // The number of fixed epochs stands in the summary already.
         let headline = summary.headline().into_iter().chain(self.agreement().into_iter().skip(1));
         let words = Words {
+            title: "Kurs: heading, pitch and roll",
+            inputs: inputs(&session.loaded),
             headline: headline.collect(),
             moments: summary.means(),
-            configuration: loaded.explain(),
-            ephemerides,
+            configuration: session.loaded.explain(ExplainFormat::Text),
+            ephemerides: Some(ephemerides),
         };
-        report.write(&args.out, &words)
+        report.write(folder, &words)
     }
 
     /// How the fixed epochs agree with the truth, for the terminal.
@@ -77,4 +99,20 @@ impl Review {
             .as_ref()
             .map_or_else(Vec::new, |(truth, agreement)| agreement.rows(truth.criterion()))
     }
+}
+
+/// What the run was made from: each antenna and table with its files.
+fn inputs(loaded: &Loaded) -> Vec<[String; 2]> {
+    let config = &loaded.config;
+    let antennas = config.antenna.iter().map(|a| (format!("antenna {}", a.name), &a.obs));
+    let station = config.station.iter().map(|s| ("station".to_owned(), &s.obs));
+    let others = [("navigation", &config.nav.files), ("antenna calibrations", &config.antex.files)];
+    let others = others.into_iter().map(|(name, files)| (name.to_owned(), files));
+    let all = antennas.chain(station).chain(others).filter(|(_, files)| !files.is_empty());
+    all.map(|(name, files)| {
+        let files: Vec<String> =
+            files.iter().map(|file| loaded.path(file).display().to_string()).collect();
+        [name, files.join(", ")]
+    })
+    .collect()
 }

@@ -2,16 +2,20 @@
 //! any antenna has.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use kurs::ephemeris::{AsReceived, NavigationData};
+use kurs::observation::matcher::Matcher;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
 
-/// Interval that is assumed while no antenna has shown two epochs, s.
-const UNKNOWN_INTERVAL_S: f64 = 1.0;
+use crate::window::Window;
+
+/// Files are read without a clock: whoever is missing is waited for.
+const NO_CLOCK_S: f64 = 0.0;
 
 /// Where the observations of one antenna are.
 pub(crate) struct AntennaFiles {
@@ -21,12 +25,12 @@ pub(crate) struct AntennaFiles {
     pub(crate) options: LogOptions,
 }
 
-/// One antenna's epochs, read one ahead.
+/// One antenna's epochs, read one ahead at the start.
 struct Stream {
     name: String,
     reader: SessionReader,
-    next: AntennaEpoch,
-    has_next: bool,
+    next: Option<AntennaEpoch>,
+    window: Window,
     /// First and last epoch so far.
     span: Option<(GpsTime, GpsTime)>,
 }
@@ -34,35 +38,49 @@ struct Stream {
 /// All antennas' epochs in time order.
 pub(crate) struct Streams {
     streams: Vec<Stream>,
+    matcher: Matcher,
+    /// Navigation data that the logs bring along, where they count as received.
+    received: AsReceived,
     /// A fixed station; its epochs alone make no row.
     station: Option<Stream>,
-    /// Shortest time between two epochs of one antenna so far, s.
-    interval_s: f64,
+    /// Size of all files; 0 if one of them has none, as a pipe.
+    bytes: u64,
 }
 
 impl Streams {
     /// Opens the files of every antenna, and of the station if there is one, and reads their first
-    /// epochs.
+    /// epochs inside the window.
     pub(crate) fn open(
         antennas: Vec<AntennaFiles>,
         station: Option<AntennaFiles>,
+        window: Window,
     ) -> anyhow::Result<Self> {
+        let files = antennas.iter().chain(&station).flat_map(|antenna| &antenna.files);
+        let sizes: Option<Vec<u64>> = files.map(|file| size(file)).collect();
+        let bytes = sizes.map_or(0, |sizes| sizes.iter().sum());
         let open = |AntennaFiles { name, files, options }: AntennaFiles| {
             let context = || format!("antenna {name}");
             let reader = SessionReader::open_with(&files, options).with_context(context)?;
-            let next = AntennaEpoch::default();
-            let mut stream = Stream { name, reader, next, has_next: false, span: None };
-            stream.advance()?;
+            let mut stream = Stream { name, reader, next: None, window, span: None };
+            stream.next = stream.read(AntennaEpoch::default())?;
             Ok(stream)
         };
-        let streams = antennas.into_iter().map(open).collect::<anyhow::Result<_>>()?;
+        let streams = antennas.into_iter().map(open).collect::<anyhow::Result<Vec<_>>>()?;
         let station = station.map(open).transpose()?;
-        Ok(Self { streams, station, interval_s: f64::INFINITY })
+        let (matcher, received) = (Matcher::new(streams.len()), AsReceived::new(streams.len()));
+        Ok(Self { streams, matcher, received, station, bytes })
+    }
+
+    /// How much of all files is read, 0 to 1; `None` where their size is unknown.
+    pub(crate) fn share(&self) -> Option<f64> {
+        let read: u64 =
+            self.streams.iter().chain(&self.station).map(|s| s.reader.bytes_read()).sum();
+        (self.bytes > 0).then(|| (read as f64 / self.bytes as f64).min(1.0))
     }
 
     /// Shortest time between two epochs of one antenna so far, s; `None` before there were two.
     pub(crate) fn interval_s(&self) -> Option<f64> {
-        Some(self.interval_s).filter(|s| s.is_finite())
+        self.matcher.interval_s()
     }
 
     /// Number of antennas that have any epoch at all.
@@ -70,39 +88,58 @@ impl Streams {
         self.streams.iter().filter(|s| s.span.is_some()).count()
     }
 
-    /// Fills `epoch` with the next instant: the earliest waiting epoch and those of other antennas
-    /// less than half an interval after it. `false` at the end of all files.
+    /// Fills `epoch` with the next instant ([`Matcher`]). `false` at the end of all files.
     pub(crate) fn next(&mut self, epoch: &mut ArrayEpoch) -> anyhow::Result<bool> {
-        let waiting = self.streams.iter().filter(|s| s.has_next);
-        let Some(earliest) = waiting.map(|s| s.next.time).min() else { return Ok(false) };
-        let interval_s =
-            if self.interval_s.is_finite() { self.interval_s } else { UNKNOWN_INTERVAL_S };
-        epoch.antennas.resize_with(self.streams.len(), || None);
-        let mut first = None;
-        for (stream, slot) in self.streams.iter_mut().zip(&mut epoch.antennas) {
-            if !stream.has_next || stream.next.time - earliest >= 0.5 * interval_s {
-                *slot = None;
+        let Some(next) = self.next_match(epoch)? else { return Ok(false) };
+        let station = epoch.station.take();
+        *epoch = ArrayEpoch { station, ..next };
+        self.match_station(epoch, self.matcher.window_s())?;
+        Ok(true)
+    }
+
+    /// The next instant; the buffers of `done` are filled again.
+    fn next_match(&mut self, done: &mut ArrayEpoch) -> anyhow::Result<Option<ArrayEpoch>> {
+        for (antenna, stream) in self.streams.iter_mut().enumerate() {
+            if self.matcher.waiting(antenna) > 0 {
                 continue;
             }
-            first.get_or_insert(stream.next.time);
-            // The buffer of the epoch before comes back to be filled again.
-            std::mem::swap(slot.get_or_insert_default(), &mut stream.next);
-            self.interval_s = self.interval_s.min(stream.advance()?);
+            let next = match stream.next.take() {
+                Some(next) => Some(next),
+                None => stream.read(reclaim(done, antenna))?,
+            };
+            let Some(next) = next else {
+                self.matcher.leave(antenna);
+                continue;
+            };
+            self.received.hold(antenna, next.time, stream.reader.take_news());
+            let found = self.matcher.push(antenna, next, NO_CLOCK_S);
+            if found.is_some() {
+                return Ok(found);
+            }
         }
-        epoch.time = first.unwrap_or(earliest);
-        self.match_station(epoch, 0.5 * interval_s)?;
-        Ok(true)
+        Ok(self.matcher.poll(NO_CLOCK_S))
+    }
+
+    /// Navigation data that the logs brought before `epoch`, the one that was given last, where they
+    /// count as received.
+    pub(crate) fn news(&mut self, epoch: &ArrayEpoch) -> Vec<NavigationData> {
+        self.received.release(epoch)
     }
 
     /// Gives the epoch the station's observations of the same time, and passes over older ones.
     fn match_station(&mut self, epoch: &mut ArrayEpoch, window_s: f64) -> anyhow::Result<()> {
         let Some(station) = &mut self.station else { return Ok(()) };
-        while station.has_next && station.next.time - epoch.time <= -window_s {
-            station.advance()?;
+        let number = self.streams.len();
+        let passed = |next: &mut AntennaEpoch| next.time - epoch.time <= -window_s;
+        while let Some(next) = station.next.take_if(passed) {
+            self.received.hold(number, next.time, station.reader.take_news());
+            station.next = station.read(next)?;
         }
-        if station.has_next && station.next.time - epoch.time < window_s {
-            std::mem::swap(epoch.station.get_or_insert_default(), &mut station.next);
-            station.advance()?;
+        let belongs = |next: &mut AntennaEpoch| next.time - epoch.time < window_s;
+        if let Some(next) = station.next.take_if(belongs) {
+            self.received.hold(number, next.time, station.reader.take_news());
+            let read = epoch.station.replace(next).unwrap_or_default();
+            station.next = station.read(read)?;
         } else {
             epoch.station = None;
         }
@@ -131,16 +168,29 @@ impl Streams {
 }
 
 impl Stream {
-    /// Reads the next epoch; returns the time since the one before, s (infinite at either end).
-    fn advance(&mut self) -> anyhow::Result<f64> {
+    /// Reads the next epoch into `buffer`; `None` at the end.
+    fn read(&mut self, mut buffer: AntennaEpoch) -> anyhow::Result<Option<AntennaEpoch>> {
         let context = || format!("antenna {}", self.name);
-        self.has_next = self.reader.next_epoch(&mut self.next).with_context(context)?;
-        if !self.has_next {
-            return Ok(f64::INFINITY);
+        loop {
+            if !self.reader.next_epoch(&mut buffer).with_context(context)?
+                || self.window.is_after(buffer.time)
+            {
+                return Ok(None);
+            }
+            if self.window.contains(buffer.time) {
+                self.span = Some((self.span.map_or(buffer.time, |(first, _)| first), buffer.time));
+                return Ok(Some(buffer));
+            }
         }
-        let time = self.next.time;
-        let before = self.span.map(|(_, last)| last);
-        self.span = Some((self.span.map_or(time, |(first, _)| first), time));
-        Ok(before.map_or(f64::INFINITY, |before| time - before))
     }
+}
+
+/// The buffer of an antenna in an epoch that is done with.
+fn reclaim(epoch: &mut ArrayEpoch, antenna: usize) -> AntennaEpoch {
+    epoch.antennas.get_mut(antenna).and_then(Option::take).unwrap_or_default()
+}
+
+/// Bytes of a file; `None` for what is none.
+fn size(file: &Path) -> Option<u64> {
+    std::fs::metadata(file).ok().filter(std::fs::Metadata::is_file).map(|data| data.len())
 }

@@ -227,8 +227,8 @@ impl StationConfig {
 
 impl Config {
     /// Reads and checks what TOML cannot.
-    pub(super) fn read(path: &Path) -> Result<Self, UsageError> {
-        let config: Self = config_file::read(path)?;
+    pub(super) fn read(path: &Path, set: &[String]) -> Result<Self, UsageError> {
+        let config: Self = config_file::read_with(path, set, "track")?;
         let wrong = |what: String| Err(UsageError(format!("{}: {what}", path.display())));
         for (index, station) in config.station.iter().enumerate() {
             if config.station[..index].iter().any(|other| other.name == station.name) {

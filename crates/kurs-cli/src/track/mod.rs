@@ -9,18 +9,22 @@ mod report;
 mod simulate;
 mod write;
 
+use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::bail;
 use kurs::frames::{Ecef, Vector};
 use kurs::trajectory::station::Station;
+use serde::Serialize;
 
 use self::config::{Config, SimulateConfig};
 use self::monte_carlo::SetComparison;
 use self::path::{PathFound, Status};
 use self::simulate::TruePoint;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::output::{self, OutputFolder};
+use crate::window::Window;
 
 /// Trajectory of a moving object from angles, ranges, range differences and direction cosines that
 /// ground stations measure.
@@ -28,8 +32,13 @@ use crate::failure::UsageError;
 pub(crate) struct Args {
     /// Configuration file (TOML).
     config: PathBuf,
+    /// Sets a key of the table `track`, or `table.key`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    #[command(flatten)]
+    window: Window,
     /// Folder for the results.
-    #[arg(long, default_value = "kurs-out")]
+    #[arg(long, value_name = "DIR", default_value = "kurs-out/track")]
     out: PathBuf,
     /// Make measurements of the path in `[simulate]` instead of reading files, and compare.
     #[arg(long)]
@@ -43,10 +52,34 @@ pub(crate) struct Args {
     /// Also write report.html.
     #[arg(long)]
     report: bool,
+    /// Prints the counts as JSON in place of the closing lines.
+    #[arg(long)]
+    json: bool,
+    /// No closing lines.
+    #[arg(long, short)]
+    quiet: bool,
 }
 
+/// What a run may leave in its folder.
+const OUTPUTS: &[&str] = &[
+    "trajectory.csv",
+    "residuals.csv",
+    "stations.csv",
+    "path.kml",
+    "path.geojson",
+    "measurements.csv",
+    "measurements.tdm",
+    "measurements.xml",
+    "truth.csv",
+    "monte_carlo.csv",
+    "deviations.csv",
+    "summary.json",
+    "report.html",
+];
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config = Config::read(&args.config)?;
+    args.window.check()?;
+    let config = Config::read(&args.config, &args.set)?;
     let stations = config.stations()?;
     let simulate = match (&config.simulate, args.simulate) {
         (Some(simulate), true) => Some(simulate),
@@ -58,71 +91,126 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let folder = args.config.parent().unwrap_or(Path::new(""));
 
     let truth = simulate.map(|simulate| simulate::truth(&config, simulate)).transpose()?;
-    let observations = match (simulate, &truth) {
+    let mut observations = match (simulate, &truth) {
         (Some(simulate), Some(truth)) => {
             let seed = args.seed.unwrap_or(simulate.seed);
-            let made = simulate::observations(&config, simulate, &stations, truth, seed)?;
-            write::simulated(&config, &made, truth, &args.out)?;
-            made
+            simulate::observations(&config, simulate, &stations, truth, seed)?
         }
         _ => input::read(&config, folder)?,
     };
+    observations.retain(|observation| args.window.contains(observation.time));
+    if observations.is_empty() {
+        bail!("no measurement is inside --from, --to and --every");
+    }
+    let inputs: Vec<PathBuf> = config.track.files.iter().map(|file| folder.join(file)).collect();
+    let named: Vec<PathBuf> = if args.simulate { Vec::new() } else { inputs.clone() };
+    let outputs = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
+    if let Some(truth) = &truth {
+        write::simulated(&config, &observations, truth, outputs.path())?;
+    }
     let found = path::find(&config, &stations, &observations)?;
-    write::trajectory(&found.points, &args.out)?;
-    write::residuals(&config, &found, &args.out)?;
-    write::parameters(&config, &found, &args.out)?;
-    write::maps(&found.points, &args.out)?;
-    print_counts(&found, observations.len());
+    write::trajectory(&found.points, outputs.path())?;
+    write::residuals(&config, &found, outputs.path())?;
+    let mut told = String::new();
+    write::parameters(&config, &found, outputs.path(), &mut told)?;
+    write::maps(&found.points, outputs.path())?;
+    let counts = Counts::of(&found, observations.len());
+    writeln!(told, "{counts}")?;
 
     let mut comparisons = Vec::new();
     if let (Some(simulate), Some(truth)) = (simulate, &truth) {
-        print_errors(&found, truth);
+        tell_errors(&found, truth, &mut told);
         if let Some(draws) = args.monte_carlo {
-            comparisons = compare_sets(args, &config, simulate, &stations, truth, draws.max(1))?;
+            let draws = draws.max(1);
+            let seed = args.seed.unwrap_or(simulate.seed);
+            let trial =
+                Trial { config: &config, simulate, stations: &stations, truth, draws, seed };
+            comparisons = compare_sets(&trial, outputs.path(), &mut told)?;
         }
     }
     if args.report {
-        report::write(&config, &stations, &found, &comparisons, &args.out)?;
+        let files = if args.simulate { Vec::new() } else { inputs };
+        report::write(&config, &stations, &found, &comparisons, &files, outputs.path())?;
+    }
+    output::write_json(outputs.path(), "summary.json", &counts)?;
+    outputs.publish()?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&counts)?);
+    } else if !args.quiet {
+        println!("{told}written to {}", args.out.display());
     }
     let all_lost = found.points.iter().all(|point| point.status == Status::Lost);
     Ok(ExitCode::from(u8::from(all_lost)))
 }
 
-fn compare_sets(
-    args: &Args,
-    config: &Config,
-    simulate: &SimulateConfig,
-    stations: &[Station],
-    truth: &[TruePoint],
+/// What a comparison of sets of measurements needs.
+struct Trial<'a> {
+    config: &'a Config,
+    simulate: &'a SimulateConfig,
+    stations: &'a [Station],
+    truth: &'a [TruePoint],
     draws: usize,
+    seed: u64,
+}
+
+fn compare_sets(
+    trial: &Trial<'_>,
+    out: &Path,
+    told: &mut String,
 ) -> anyhow::Result<Vec<SetComparison>> {
-    let seed = args.seed.unwrap_or(simulate.seed);
+    let Trial { config, simulate, stations, truth, draws, seed } = *trial;
     let began = Instant::now();
     let comparisons = monte_carlo::run(config, &simulate.set, stations, truth, draws, seed)?;
     let elapsed_s = began.elapsed().as_secs_f64();
-    monte_carlo::report(&comparisons, &args.out)?;
+    monte_carlo::report(&comparisons, out, told)?;
     let total: usize = comparisons.iter().map(|c| c.points.len() * draws).sum();
-    println!("{total} draws in {elapsed_s:.2} s");
-    monte_carlo::deviations(config, &simulate.set, stations, truth, seed, &args.out)?;
+    writeln!(told, "{total} draws in {elapsed_s:.2} s")?;
+    monte_carlo::deviations(config, &simulate.set, stations, truth, seed, out)?;
     Ok(comparisons)
 }
 
-fn print_counts(found: &PathFound, measurements: usize) {
-    let count = |status| found.points.iter().filter(|point| point.status == status).count();
-    let excluded = found.residuals.iter().filter(|residual| residual.excluded).count();
-    println!(
-        "{measurements} measurements, {excluded} left out; {} points: {} ok, {} ambiguous, {} \
-         inconsistent, {} lost",
-        found.points.len(),
-        count(Status::Ok),
-        count(Status::Ambiguous),
-        count(Status::Inconsistent),
-        count(Status::Lost)
-    );
+/// `summary.json`: how many measurements and points of each kind there are.
+#[derive(Debug, Serialize)]
+struct Counts {
+    version: &'static str,
+    measurements: usize,
+    left_out: usize,
+    points: usize,
+    ok: usize,
+    ambiguous: usize,
+    inconsistent: usize,
+    lost: usize,
+}
+
+impl Counts {
+    fn of(found: &PathFound, measurements: usize) -> Self {
+        let count = |status| found.points.iter().filter(|point| point.status == status).count();
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            measurements,
+            left_out: found.residuals.iter().filter(|residual| residual.excluded).count(),
+            points: found.points.len(),
+            ok: count(Status::Ok),
+            ambiguous: count(Status::Ambiguous),
+            inconsistent: count(Status::Inconsistent),
+            lost: count(Status::Lost),
+        }
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { measurements, left_out, points, ok, ambiguous, inconsistent, lost, .. } = self;
+        write!(
+            f,
+            "{measurements} measurements, {left_out} left out; {points} points: {ok} ok, {ambiguous} ambiguous, \
+             {inconsistent} inconsistent, {lost} lost"
+        )
+    }
 }
 
 /// Errors of the simulated path: root mean square, and normalised by the covariance (3 expected).
-fn print_errors(found: &PathFound, truth: &[TruePoint]) {
+fn tell_errors(found: &PathFound, truth: &[TruePoint], told: &mut String) {
     let (mut squares, mut normalised, mut count) = (0.0, 0.0, 0_u32);
     for point in &found.points {
         let at = truth.iter().find(|true_point| (true_point.time - point.time).abs() < 1e-6);
@@ -139,7 +227,8 @@ fn print_errors(found: &PathFound, truth: &[TruePoint]) {
     }
     if count > 0 {
         let count = f64::from(count);
-        println!(
+        let _ = writeln!(
+            told,
             "against the truth: RMS {:.2} m, normalised error squared {:.2} (3 expected)",
             (squares / count).sqrt(),
             normalised / count

@@ -2,6 +2,7 @@
 //! measurements, as in figure 4 of the paper; and the deviations of one draw by three methods, as in
 //! its table.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use kurs::frames::{Ecef, Geodetic, Vector};
@@ -122,12 +123,17 @@ const COLUMNS: &[&str] = &[
     "disagrees",
 ];
 
-/// Writes `monte_carlo.csv` and prints the points at the ends and in the middle of each set.
-pub(super) fn report(comparisons: &[SetComparison], out: &Path) -> anyhow::Result<()> {
+/// Writes `monte_carlo.csv` and tells the points at the ends and in the middle of each set.
+pub(super) fn report(
+    comparisons: &[SetComparison],
+    out: &Path,
+    told: &mut String,
+) -> anyhow::Result<()> {
     let mut table = Table::create(out, "monte_carlo", TableFormat::Csv, COLUMNS)?;
-    println!(
+    writeln!(
+        told,
         "standard deviations in ECEF x, y, z, m: least squares (2) | linearised (4) | modelled (5)-(6)"
-    );
+    )?;
     for SetComparison { name, points } in comparisons {
         for point in points {
             table.text(name);
@@ -152,27 +158,27 @@ pub(super) fn report(comparisons: &[SetComparison], out: &Path) -> anyhow::Resul
             table.end_row()?;
         }
         for index in [0, points.len() / 2, points.len() - 1] {
-            print_point(name, &points[index]);
+            writeln!(told, "{}", point_text(name, &points[index]))?;
         }
-        print_worst(name, points);
+        writeln!(told, "{}", worst_text(name, points))?;
     }
     table.finish()
 }
 
-fn print_point(name: &str, point: &Comparison) {
+fn point_text(name: &str, point: &Comparison) -> String {
     let triple = |s: Vector3<f64>| format!("({:.1}, {:.1}, {:.1})", s.x, s.y, s.z);
-    println!(
+    format!(
         "{name:>4} {:5.1} km  {} | {} | {}{}",
         point.height_m / 1e3,
         triple(point.information_m),
         point.linearised_m.map_or_else(|| "-".to_owned(), triple),
         triple(point.scatter.sigmas_m()),
         if point.disagrees { "  (2) does not describe this closed form" } else { "" }
-    );
+    )
 }
 
 /// The worst ratio of modelled to expected standard deviation over all points and axes.
-fn print_worst(name: &str, points: &[Comparison]) {
+fn worst_text(name: &str, points: &[Comparison]) -> String {
     let worst = |expected: &dyn Fn(&Comparison) -> Option<Vector3<f64>>| {
         let ratios = points.iter().filter_map(|point| {
             let ratio = point.scatter.sigmas_m().component_div(&expected(point)?);
@@ -182,7 +188,7 @@ fn print_worst(name: &str, points: &[Comparison]) {
     };
     let refused: usize = points.iter().map(|point| point.scatter.refused).sum();
     let [low, high] = points[0].scatter.interval(1.96);
-    println!(
+    format!(
         "{name:>4} worst of {} points x 3 axes: modelled against (2) {:.1} %, against (4) {:.1} % \
          (95 % interval of one {:+.1} to {:+.1} %), refused {refused}",
         points.len(),
@@ -190,7 +196,7 @@ fn print_worst(name: &str, points: &[Comparison]) {
         worst(&|point| point.linearised_m),
         100.0 * (low - 1.0),
         100.0 * (high - 1.0),
-    );
+    )
 }
 
 const DEVIATION_COLUMNS: &[&str] =

@@ -1,11 +1,11 @@
 //! `report.html`: plan and profile with ellipses, residuals by station, standard deviations along
 //! the path.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::trajectory::station::Station;
-use plotly::common::{Line, Mode, Title};
+use plotly::common::{Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, Layout};
 use plotly::{Plot, Scatter};
 
@@ -13,7 +13,11 @@ use super::config::Config;
 use super::monte_carlo::SetComparison;
 use super::path::{PathFound, PathPoint, Status};
 use super::write::{local_sigmas, words};
-use crate::page::Page;
+use crate::chart::{self, Clock};
+use crate::page::colour::{BLUE, GREEN, GREY, ORANGE};
+use crate::page::{Page, laid_out};
+use crate::report::span;
+use crate::session_span::SessionSpan;
 
 /// Points of an ellipse drawn as a polygon.
 const ELLIPSE_POINTS: u32 = 36;
@@ -26,19 +30,21 @@ pub(super) fn write(
     stations: &[Station],
     found: &PathFound,
     comparisons: &[SetComparison],
+    inputs: &[PathBuf],
     out: &Path,
 ) -> anyhow::Result<()> {
-    let mut page = Page::new("Trajectory from ground measurements");
-    summary(&mut page, found);
-    page.heading("Plan");
-    page.paragraph("East and north of the first station; ellipses of one standard deviation, enlarged as the legend says.");
-    page.plot(&plan(config, stations, found));
-    page.heading("Profile");
-    page.plot(&profile(found));
+    let mut page = Page::new("Kurs: trajectory from ground measurements");
+    write_top(&mut page, config, found, inputs);
+    page.heading("Track");
+    page.paragraph("East and north of the first station; ellipses of one standard deviation, enlarged as the legend says. For maps: path.geojson, path.kml.");
+    page.square_plot(&plan(config, stations, found));
+    let clock = Clock::new(located(found).map(|(point, _)| point.time));
+    page.heading("Height");
+    page.time_plot(&profile(found, &clock));
     page.heading("Standard deviation along the path");
-    page.plot(&sigmas(found));
+    page.time_plot(&sigmas(found, &clock));
     page.heading("Residuals by station, in standard deviations");
-    page.plot(&residuals(config, found));
+    page.time_plot(&residuals(config, found, &clock));
     for comparison in comparisons {
         page.heading(&format!(
             "{}: least squares (2) and stochastic modelling (5), (6)",
@@ -49,58 +55,71 @@ pub(super) fn write(
     page.write(out, "report.html")
 }
 
-fn summary(page: &mut Page, found: &PathFound) {
+/// What it is about: numbers, span, inputs, version.
+fn write_top(page: &mut Page, config: &Config, found: &PathFound, inputs: &[PathBuf]) {
     let count =
         |status: Status| found.points.iter().filter(|p| p.status == status).count().to_string();
-    let rows: Vec<Vec<String>> =
-        [Status::Ok, Status::Ambiguous, Status::Inconsistent, Status::Lost]
-            .map(|status| vec![status.word().to_owned(), count(status)])
-            .to_vec();
-    page.table(&["status", "points"], &rows);
-}
-
-fn axes(x: &str, y: &str) -> Layout {
-    Layout::new()
-        .x_axis(Axis::new().title(Title::with_text(x)))
-        .y_axis(Axis::new().title(Title::with_text(y)))
+    let mut tiles = vec![["points".to_owned(), found.points.len().to_string()]];
+    let statuses = [Status::Ok, Status::Ambiguous, Status::Inconsistent, Status::Lost];
+    tiles.extend(statuses.map(|status| [status.word().to_owned(), count(status)]));
+    page.tiles(&tiles);
+    let mut session = SessionSpan::default();
+    found.points.iter().for_each(|point| session.add(point.time));
+    let mut facts = span::facts(&session);
+    let stations: Vec<&str> = config.station.iter().map(|s| s.name.as_str()).collect();
+    facts.push(vec!["stations".to_owned(), stations.join(", ")]);
+    let files = inputs.iter().map(|file| vec!["input".to_owned(), file.display().to_string()]);
+    facts.extend(files);
+    if inputs.is_empty() {
+        facts.push(vec!["input".to_owned(), "simulated".to_owned()]);
+    }
+    facts.push(vec!["made by".to_owned(), format!("kurs {}", env!("CARGO_PKG_VERSION"))]);
+    page.table(&[], &facts);
 }
 
 fn located(found: &PathFound) -> impl Iterator<Item = (&PathPoint, Vector<Ecef>)> {
     found.points.iter().filter_map(|point| Some((point, point.position_m?)))
 }
 
-fn seconds(found: &PathFound) -> impl Fn(&PathPoint) -> f64 {
-    let first = found.points.first().map(|point| point.time);
-    move |point| first.map_or(0.0, |first| point.time - first)
-}
-
 fn plan(config: &Config, stations: &[Station], found: &PathFound) -> Plot {
-    let mut plot = Plot::new();
+    let mut plot = chart::map("km");
     let origin = &stations[0];
     let km = |position: Vector<Ecef>| {
         let sight = origin.sight(position).xyz();
         [sight.y / 1e3, sight.x / 1e3]
     };
-    let split = |points: Vec<[f64; 2]>| -> (Vec<f64>, Vec<f64>) {
+    let split = |points: &[[f64; 2]]| -> (Vec<f64>, Vec<f64>) {
         points.iter().map(|p| (p[0], p[1])).unzip()
     };
-    let (east, north) = split(located(found).map(|(_, r)| km(r)).collect());
-    plot.add_trace(Scatter::new(east, north).mode(Mode::LinesMarkers).name("path"));
-    let names: Vec<&str> = config.station.iter().map(|s| s.name.as_str()).collect();
-    let (east, north) = split(stations.iter().map(|s| km(s.position_m())).collect());
+    let path: Vec<[f64; 2]> = located(found).map(|(_, r)| km(r)).collect();
+    let (east, north) = split(&path);
+    let marker = Marker::new().color(BLUE).size(4);
+    let line = Line::new().color(BLUE).width(1.5);
     plot.add_trace(
-        Scatter::new(east, north).mode(Mode::MarkersText).text_array(names).name("stations"),
+        Scatter::new(east, north).mode(Mode::LinesMarkers).line(line).marker(marker).name("path"),
     );
-
+    let places: Vec<[f64; 2]> = stations.iter().map(|s| km(s.position_m())).collect();
+    let names: Vec<&str> = config.station.iter().map(|s| s.name.as_str()).collect();
+    let (east, north) = split(&places);
+    let marker = Marker::new().color(GREEN).symbol(MarkerSymbol::Square).size(9);
+    plot.add_trace(
+        Scatter::new(east, north)
+            .mode(Mode::Markers)
+            .marker(marker)
+            .hover_text_array(names)
+            .name("stations"),
+    );
     let (east, north, factor) = ellipses(stations, found);
     let name = format!("ellipses × {factor:.0}");
-    plot.add_trace(
-        Scatter::new(east, north).mode(Mode::Lines).line(Line::new().width(1.0)).name(name),
-    );
-    let layout = Layout::new()
-        .x_axis(Axis::new().title(Title::with_text("east, km")))
-        .y_axis(Axis::new().title(Title::with_text("north, km")).scale_anchor("x"));
-    plot.set_layout(layout);
+    let line = Line::new().color(ORANGE).width(1.0);
+    plot.add_trace(Scatter::new(east, north).mode(Mode::Lines).line(line).name(name));
+    if let Some(start) = path.first() {
+        chart::add_start(&mut plot, *start);
+    }
+    let words: Vec<(&str, [f64; 2])> =
+        config.station.iter().map(|s| s.name.as_str()).zip(places.iter().copied()).collect();
+    let all: Vec<[f64; 2]> = path.iter().chain(&places).copied().collect();
+    chart::finish_map(&mut plot, &all, &words, "km");
     plot
 }
 
@@ -130,44 +149,40 @@ fn ellipses(stations: &[Station], found: &PathFound) -> (Vec<Option<f64>>, Vec<O
     (east, north, factor)
 }
 
-fn profile(found: &PathFound) -> Plot {
-    let seconds = seconds(found);
-    let mut plot = Plot::new();
-    let rows: Vec<(f64, f64, f64)> = located(found)
+fn profile(found: &PathFound, clock: &Clock) -> Plot {
+    let mut plot = clock.plot("height, m");
+    let rows: Vec<(f64, f64)> = located(found)
         .map(|(point, r)| {
             let up = point.covariance_m2.map_or(0.0, |k| local_sigmas(r, &k)[2]);
-            (seconds(point), Geodetic::from_ecef(r).height_m, up)
+            (Geodetic::from_ecef(r).height_m, up)
         })
         .collect();
-    let times: Vec<f64> = rows.iter().map(|row| row.0).collect();
-    let line = |values: Vec<f64>, name: &str| {
-        Scatter::new(times.clone(), values).mode(Mode::Lines).name(name)
-    };
-    plot.add_trace(line(rows.iter().map(|row| row.1).collect(), "height"));
-    plot.add_trace(line(rows.iter().map(|row| row.1 + row.2).collect(), "+1 standard deviation"));
-    plot.add_trace(line(rows.iter().map(|row| row.1 - row.2).collect(), "−1 standard deviation"));
-    plot.set_layout(axes("time, s", "height, m"));
-    plot
-}
-
-fn sigmas(found: &PathFound) -> Plot {
-    let seconds = seconds(found);
-    let mut plot = Plot::new();
-    let rows: Vec<(f64, [f64; 3])> = located(found)
-        .filter_map(|(point, r)| Some((seconds(point), local_sigmas(r, &point.covariance_m2?))))
-        .collect();
-    let times: Vec<f64> = rows.iter().map(|row| row.0).collect();
-    for (axis, name) in ["north", "east", "up"].into_iter().enumerate() {
-        let values = rows.iter().map(|row| row.1[axis]).collect();
-        plot.add_trace(Scatter::new(times.clone(), values).mode(Mode::Lines).name(name));
+    for (sigmas, name, colour, width) in [
+        (0.0, "height", BLUE, 1.5),
+        (1.0, "+1 standard deviation", GREY, 1.0),
+        (-1.0, "−1 standard deviation", GREY, 1.0),
+    ] {
+        let values = rows.iter().map(|(height, up)| Some(height + sigmas * up)).collect();
+        clock.draw(&mut plot, &values, name, Line::new().color(colour).width(width), colour);
     }
-    plot.set_layout(axes("time, s", "standard deviation, m"));
     plot
 }
 
-fn residuals(config: &Config, found: &PathFound) -> Plot {
-    let mut plot = Plot::new();
-    let Some(first) = found.residuals.first().map(|r| r.observation.time) else { return plot };
+fn sigmas(found: &PathFound, clock: &Clock) -> Plot {
+    let mut plot = clock.plot_from_zero("standard deviation, m");
+    let rows: Vec<Option<[f64; 3]>> =
+        located(found).map(|(p, r)| Some(local_sigmas(r, &p.covariance_m2?))).collect();
+    for (axis, (name, colour)) in
+        [("north", BLUE), ("east", ORANGE), ("up", GREEN)].iter().enumerate()
+    {
+        let values = rows.iter().map(|row| row.map(|sigmas| sigmas[axis])).collect();
+        clock.draw(&mut plot, &values, name, Line::new().color(*colour).width(1.5), colour);
+    }
+    plot
+}
+
+fn residuals(config: &Config, found: &PathFound, clock: &Clock) -> Plot {
+    let mut plot = clock.plot("residual / standard deviation");
     for (index, station) in config.station.iter().enumerate() {
         for name in
             ["azimuth", "elevation", "range", "range_difference", "cosine_north", "cosine_east"]
@@ -179,20 +194,25 @@ fn residuals(config: &Config, found: &PathFound) -> Plot {
                     let m = r.observation.measurement;
                     m.station == index && words(m.quantity).0 == name
                 })
-                .map(|r| (r.observation.time - first, r.residual / r.observation.measurement.sigma))
+                .map(|r| {
+                    let in_sigmas = r.residual / r.observation.measurement.sigma;
+                    (chart::milliseconds(r.observation.time), in_sigmas)
+                })
                 .unzip();
             if !times.is_empty() {
                 let name = format!("{} {name}", station.name);
-                plot.add_trace(Scatter::new(times, values).mode(Mode::Markers).name(name));
+                let marks = Scatter::new(times, values).mode(Mode::Markers);
+                plot.add_trace(marks.marker(Marker::new().size(4)).name(name));
             }
         }
     }
-    plot.set_layout(axes("time, s", "residual / standard deviation"));
     plot
 }
 
 fn figure_4(comparison: &SetComparison) -> Plot {
-    let mut plot = Plot::new();
+    let axis = |title: &str| Axis::new().title(Title::with_text(title)).auto_margin(true);
+    let layout = Layout::new().x_axis(axis("time, s"));
+    let mut plot = laid_out(layout.y_axis(axis("standard deviation (ECEF), m")));
     let times: Vec<f64> = comparison.points.iter().map(|point| point.time_s).collect();
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let expected = comparison.points.iter().map(|p| p.information_m[axis]).collect();
@@ -201,6 +221,5 @@ fn figure_4(comparison: &SetComparison) -> Plot {
         plot.add_trace(line(expected, format!("{name}: least squares")).mode(Mode::Lines));
         plot.add_trace(line(modelled, format!("{name}: modelled")).mode(Mode::Markers));
     }
-    plot.set_layout(axes("time, s", "standard deviation (ECEF), m"));
     plot
 }

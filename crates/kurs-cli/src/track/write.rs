@@ -1,5 +1,6 @@
 //! The files that `kurs track` writes: tables, the path for maps, measurements that were simulated.
 
+use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,6 +16,7 @@ use super::config::Config;
 use super::input::Observation;
 use super::path::{PathFound, PathPoint};
 use super::simulate::TruePoint;
+use crate::map_files::{Heights, Way};
 use crate::output::OutputFile;
 use crate::table::{Table, TableFormat};
 
@@ -131,8 +133,13 @@ fn reference(config: &Config, quantity: Quantity) -> Option<&str> {
 
 const PARAMETERS: &[&str] = &["station", "parameter", "value", "sd", "unit"];
 
-/// `stations.csv`: the errors of stations that were estimated.
-pub(super) fn parameters(config: &Config, found: &PathFound, out: &Path) -> anyhow::Result<()> {
+/// `stations.csv`: the errors of stations that were estimated, and a line for each.
+pub(super) fn parameters(
+    config: &Config,
+    found: &PathFound,
+    out: &Path,
+    told: &mut String,
+) -> anyhow::Result<()> {
     let mut table = Table::create(out, "stations", TableFormat::Csv, PARAMETERS)?;
     for (parameter, [value, sigma]) in &found.parameters {
         let (name, unit, per_unit) = match parameter.kind {
@@ -142,11 +149,12 @@ pub(super) fn parameters(config: &Config, found: &PathFound, out: &Path) -> anyh
             ParameterKind::RangeBias => ("range_bias", "m", 1.0),
         };
         let station = &config.station[parameter.station].name;
-        println!("{station} {name}: {:.6} ± {:.6} {unit}", value * per_unit, sigma * per_unit);
+        let (value, sigma) = (value * per_unit, sigma * per_unit);
+        writeln!(told, "{station} {name}: {value:.6} ± {sigma:.6} {unit}")?;
         table.text(station);
         table.text(name);
-        table.real(Some(value * per_unit), 8);
-        table.real(Some(sigma * per_unit), 8);
+        table.real(Some(value), 8);
+        table.real(Some(sigma), 8);
         table.text(unit);
         table.end_row()?;
     }
@@ -155,44 +163,12 @@ pub(super) fn parameters(config: &Config, found: &PathFound, out: &Path) -> anyh
 
 /// `path.kml` and `path.geojson`.
 pub(super) fn maps(points: &[PathPoint], out: &Path) -> anyhow::Result<()> {
-    let places: Vec<Geodetic> =
-        points.iter().filter_map(|point| point.position_m.map(Geodetic::from_ecef)).collect();
-    let mut kml = OutputFile::create(out, "path.kml")?;
-    writeln!(
-        kml,
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<kml xmlns=\"http://www.opengis.net/kml/2.2\">\
-         <Document><name>path</name><Placemark><name>path</name><LineString>\
-         <altitudeMode>absolute</altitudeMode><coordinates>"
-    )?;
-    for place in &places {
-        let [longitude, latitude] = degrees(place);
-        writeln!(kml, "{longitude:.9},{latitude:.9},{:.3}", place.height_m)?;
-    }
-    writeln!(kml, "</coordinates></LineString></Placemark></Document></kml>")?;
-    kml.finish()?;
-
-    let coordinates: Vec<[f64; 3]> = places
+    let mut way = Way::default();
+    points
         .iter()
-        .map(|place| {
-            let [longitude, latitude] = degrees(place);
-            [longitude, latitude, place.height_m]
-        })
-        .collect();
-    let collection = serde_json::json!({
-        "type": "FeatureCollection",
-        "features": [{
-            "type": "Feature",
-            "properties": { "name": "path" },
-            "geometry": { "type": "LineString", "coordinates": coordinates },
-        }],
-    });
-    let mut geojson = OutputFile::create(out, "path.geojson")?;
-    writeln!(geojson, "{collection}")?;
-    geojson.finish()
-}
-
-fn degrees(place: &Geodetic) -> [f64; 2] {
-    [place.longitude_rad.to_degrees(), place.latitude_rad.to_degrees()]
+        .filter_map(|point| point.position_m)
+        .for_each(|position| way.push(Geodetic::from_ecef(position)));
+    way.write(out, "path", Heights::Absolute)
 }
 
 const MEASUREMENTS: &[&str] = &[

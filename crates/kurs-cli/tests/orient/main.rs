@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod figures;
+mod logs;
 mod simulation;
 
 use std::fs;
@@ -32,7 +33,7 @@ fn write(folder: &Path, simulation: &Simulation, with_positions: bool) {
 
 /// The rows of `attitude.csv`.
 fn rows(folder: &Path) -> Vec<csv::StringRecord> {
-    let mut reader = csv::Reader::from_path(folder.join("kurs-out/attitude.csv")).unwrap();
+    let mut reader = csv::Reader::from_path(folder.join("kurs-out/orient/attitude.csv")).unwrap();
     let columns = reader.headers().unwrap();
     assert!(COLUMNS.iter().all(|(place, name)| &columns[*place] == *name), "{columns:?}");
     reader.records().map(Result::unwrap).collect()
@@ -50,7 +51,7 @@ fn orient(folder: &Path, simulation: &Simulation, options: &[&str]) -> Vec<csv::
 fn estimate_geometry(folder: &Path, simulation: &Simulation) -> f64 {
     write(folder, simulation, false);
     kurs(folder, &["orient", "config.toml", "positions.csv", "--quiet"]).success();
-    let text = fs::read_to_string(folder.join("kurs-out/array.toml")).unwrap();
+    let text = fs::read_to_string(folder.join("kurs-out/orient/array.toml")).unwrap();
     let array: toml::Table = text.parse().unwrap();
     let found = array["antenna"].as_array().unwrap().iter();
     let components = found.zip(&simulation.array).flat_map(|(antenna, wanted)| {
@@ -238,7 +239,7 @@ fn worn_nmea_logs_are_used_as_far_as_they_go() {
     let figures = Figures::of(&first, &simulation);
     assert!(figures.fixed as f64 >= 0.99 * figures.undisturbed as f64, "{figures:?}");
     assert!((figures.rms_over_bound - 1.0).abs() < 0.1, "{figures:?}");
-    let summary = fs::read_to_string(folder.path().join("kurs-out/summary.json")).unwrap();
+    let summary = fs::read_to_string(folder.path().join("kurs-out/orient/summary.json")).unwrap();
     for expected in ["log1.txt", "log2.txt", "checksum"] {
         assert!(summary.contains(expected), "{expected}: {summary}");
     }
@@ -274,7 +275,7 @@ fn wrong_input_is_named() {
         let run = kurs(folder.path(), &["orient", config, positions]).code(code);
         let message = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(message.contains(word), "{config} {positions}: {message}");
-        assert!(!folder.path().join("kurs-out/attitude.csv").exists());
+        assert!(!folder.path().join("kurs-out/orient/attitude.csv").exists());
     }
 }
 

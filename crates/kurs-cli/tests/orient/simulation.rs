@@ -144,7 +144,7 @@ impl Simulation {
 }
 
 /// Adds a sentence with its checksum.
-fn sentence(text: &mut String, body: &str) {
+pub(crate) fn sentence(text: &mut String, body: &str) {
     let checksum = body.bytes().fold(0, |sum, byte| sum ^ byte);
     write!(text, "${body}*{checksum:02X}\r\n").unwrap();
 }

@@ -181,8 +181,12 @@ mod tests {
     use kurs::signal::System;
 
     /// A GPS message of Monday noon.
-    const NOON: ObservationHeader =
-        ObservationHeader { system: System::Gps, station: 0, epoch_time: 129_600_000 };
+    const NOON: ObservationHeader = ObservationHeader {
+        system: System::Gps,
+        station: 0,
+        epoch_time: 129_600_000,
+        more_follows: false,
+    };
 
     fn at(week: i32) -> GpsTime {
         GpsTime::from_week_tow(week, 129_600.0).unwrap()

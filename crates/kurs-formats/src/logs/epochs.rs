@@ -2,14 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
+use kurs::time::GpsTime;
 
 use super::choice::Choice;
 use super::dating::Begin;
 use super::frames::{Frame, FrameScanner, Protocol};
 use super::lock_time::LockTimes;
 use super::message::{MessageKind, Role};
+use super::news::News;
 use super::reader::LogOptions;
 use crate::damage::DamageLog;
 use crate::epoch_order::RawEpochs;
@@ -20,6 +23,9 @@ use crate::sbf::block::Block;
 use crate::sbf::{AntennaId, measurements};
 use crate::source::{ReadError, Source};
 use crate::ubx::rawx;
+
+/// What the ephemerides of a stream must be of.
+const WEEK: &str = "those of the week that the stream is taken to be of";
 
 /// Reads epoch by epoch; its parts are for [`super::LogReader`].
 #[derive(Debug)]
@@ -40,6 +46,10 @@ pub(super) struct LogEpochs {
     rtcm: EpochBuilder,
     /// Where a station says that its antenna is.
     pub(super) place: Option<Vector<Ecef>>,
+    /// Of a log that is read as received: navigation data.
+    news: Option<News>,
+    /// The week that ephemerides tell, where it is not the one in force.
+    pub(super) told_date: Option<GpsTime>,
 }
 
 impl LogEpochs {
@@ -64,14 +74,33 @@ impl LogEpochs {
             damage,
             slips: PendingSlips::default(),
             unread: BTreeMap::new(),
-            rtcm: EpochBuilder::new(begin),
+            rtcm: EpochBuilder::new(begin, options.as_received),
             place: None,
+            news: options.as_received.then(|| {
+                let near = (protocol == Protocol::Rtcm3).then_some(begin.time);
+                News::new(near.or(options.approximate_time))
+            }),
+            told_date: None,
         }
+    }
+
+    /// Goes on with a stream whose first messages were looked into.
+    pub(super) fn go_on_from(&mut self, scanner: FrameScanner, damage: DamageLog, news: News) {
+        (self.scanner, self.damage, self.news) = (scanner, damage, Some(news));
+    }
+
+    /// Navigation data that came before the byte at `offset`, where an epoch begins.
+    pub(super) fn news_before(&mut self, offset: u64) -> NavigationData {
+        let Some(news) = &mut self.news else { return NavigationData::default() };
+        news.before(offset, &self.glonass_channels)
     }
 
     /// RXM-RAWX has a whole epoch.
     fn next_ubx(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
         while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            if let Some(news) = &mut self.news {
+                news.gather(&frame, &mut self.damage);
+            }
             if frame.protocol != Protocol::Ubx || frame.body[..2] != rawx::RXM_RAWX {
                 let passed = pass(&frame, self.protocol, self.is_chosen, &mut self.unread);
                 if let Err(other) = passed {
@@ -101,6 +130,13 @@ impl LogEpochs {
                 complete = self.rtcm.end(&mut self.glonass_channels, &mut self.damage);
                 break;
             };
+            if let Some(news) = &mut self.news {
+                news.set_time(self.rtcm.now());
+                self.told_date = news.gather(&frame, &mut self.damage);
+                if let Some(date) = self.told_date {
+                    return Err(self.source.wrong_content(format!("ephemerides of {date}"), WEEK));
+                }
+            }
             let header = match frame.protocol {
                 Protocol::Rtcm3 => ObservationHeader::read(frame.body),
                 _ => None,
@@ -134,6 +170,9 @@ impl LogEpochs {
     /// MeasEpoch has a whole epoch of all antennas.
     fn next_sbf(&mut self, epoch: &mut AntennaEpoch) -> Result<Option<u64>, ReadError> {
         while let Some(frame) = self.scanner.next(&mut self.source, &mut self.damage)? {
+            if let Some(news) = &mut self.news {
+                news.gather(&frame, &mut self.damage);
+            }
             let block = (frame.protocol == Protocol::Sbf).then(|| Block::of(frame.body));
             let Some(block) = block.filter(|block| block.number == measurements::MEAS_EPOCH) else {
                 let passed = pass(&frame, self.protocol, self.is_chosen, &mut self.unread);

@@ -134,6 +134,11 @@ impl FrameScanner {
         Ok(Some(Frame { protocol, body: body_of(protocol, bytes), offset: self.offset }))
     }
 
+    /// The message that was given last will come again.
+    pub(crate) const fn give_again(&mut self) {
+        self.given = 0;
+    }
+
     /// Goes on to the next byte that may begin a message.
     fn skip(&mut self, source: &mut Source) -> Result<(), ReadError> {
         let bytes = source.start(1)?;

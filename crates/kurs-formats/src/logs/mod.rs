@@ -14,6 +14,7 @@ pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
 mod message;
 pub(crate) mod navigation;
+mod news;
 mod reader;
 pub(crate) mod start;
 pub(crate) mod whole_cycles;

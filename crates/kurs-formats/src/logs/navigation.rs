@@ -8,12 +8,56 @@ use kurs::time::{GpsTime, WEEK_S};
 use super::dating::{Dating, MIDDLE_WEEK_NS};
 use super::frames::{Frame, FrameScanner, Protocol};
 use crate::navigation::ReadSummary;
-use crate::navigation_frames::Collector;
+use crate::navigation_frames::{Collector, Taken};
 use crate::rtcm::clock::{self, Day};
 use crate::rtcm::{self, ObservationHeader};
 use crate::sbf::{self, block::Block};
 use crate::source::{ReadError, Source};
 use crate::ubx::{rawx, sfrbx};
+
+/// Takes navigation data out of the messages of UBX and SBF, which tell the week themselves.
+#[derive(Debug)]
+pub(super) struct MessageReader {
+    collector: Collector,
+    /// A time within ten years of the messages.
+    near: GpsTime,
+}
+
+impl MessageReader {
+    /// `near` is a time within ten years, where no message tells more.
+    pub(super) fn new(near: Option<GpsTime>) -> Self {
+        let near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
+        Self { collector: Collector::default(), near }
+    }
+
+    /// Puts what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
+    /// completes.
+    pub(super) fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
+        let body = frame.body;
+        match frame.protocol {
+            Protocol::Ubx => {
+                let (id, payload) = (&body[..2], &body[4..]);
+                if id == rawx::RXM_RAWX {
+                    self.near = rawx::time(payload).unwrap_or(self.near);
+                }
+                if id != sfrbx::RXM_SFRBX {
+                    return None;
+                }
+                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
+                    data.ionosphere.gps = Some(klobuchar);
+                }
+                sfrbx::take(payload, self.near, &mut self.collector)
+            }
+            Protocol::Sbf => {
+                let block = Block::of(body);
+                // Without a time stamp nothing tells the week.
+                let time = block.time()?;
+                sbf::navigation::take(&block, time, &mut self.collector, data)
+            }
+            Protocol::Rtcm3 => None,
+        }
+    }
+}
 
 /// Reads a log and adds its ephemerides to `data`. `near` is a time within ten years, where no
 /// message tells more.
@@ -24,37 +68,16 @@ pub(crate) fn read(
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
     let mut scanner = FrameScanner::default();
-    let mut collector = Collector::default();
+    let mut messages = MessageReader::new(near);
     let mut rtcm = RtcmEphemerides::new(near);
-    let mut near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
     while let Some(frame) = scanner.next(source, &mut summary.framing)? {
         rtcm.dating.take(&frame);
-        let Frame { protocol, body, offset } = frame;
-        let taken = match protocol {
-            Protocol::Ubx => {
-                let (id, payload) = (&body[..2], &body[4..]);
-                if id == rawx::RXM_RAWX {
-                    near = rawx::time(payload).unwrap_or(near);
-                }
-                if id != sfrbx::RXM_SFRBX {
-                    continue;
-                }
-                if let Some(klobuchar) = sfrbx::klobuchar(payload) {
-                    data.ionosphere.gps = Some(klobuchar);
-                }
-                sfrbx::take(payload, near, &mut collector)
-            }
-            Protocol::Rtcm3 => {
-                rtcm.keep(body, offset);
-                continue;
-            }
-            Protocol::Sbf => {
-                let block = Block::of(body);
-                // Without a time stamp nothing tells the week.
-                let Some(time) = block.time() else { continue };
-                sbf::navigation::take(&block, time, &mut collector, data)
-            }
-        };
+        if frame.protocol == Protocol::Rtcm3 {
+            rtcm.keep(frame.body, frame.offset);
+            continue;
+        }
+        let offset = frame.offset;
+        let taken = messages.take(&frame, data);
         match taken {
             Some(Ok(ephemeris)) => add(ephemeris, data, summary),
             Some(Err(what)) => summary.damage.note(offset, what),

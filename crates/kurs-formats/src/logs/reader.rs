@@ -2,14 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::{GpsTime, WEEK_S};
 
-use super::dating::{Begin, MIDDLE_WEEK_NS};
+use super::dating::{Begin, Dating, MIDDLE_WEEK_NS};
 use super::epochs::LogEpochs;
 use super::file_date;
-use super::frames::Protocol;
+use super::frames::{FrameScanner, Protocol};
+use super::message::{MessageKind, Role};
+use super::news::News;
 use super::start::Start;
 use crate::damage::{Damage, DamageLog};
 use crate::epoch_order::Ordered;
@@ -32,6 +35,9 @@ pub struct LogOptions {
     pub navigation_time: Option<GpsTime>,
     /// RTCM 3: where nothing tells the week, any will do ([`LogReader::is_dated`] says so).
     pub any_week: bool,
+    /// The log is read as a live stream is: every epoch brings the navigation data that came before it
+    /// ([`LogReader::take_news`]), and nothing waits for what comes behind if it need not.
+    pub as_received: bool,
 }
 
 impl LogOptions {
@@ -93,8 +99,62 @@ impl LogReader {
         }
         let begin = begin
             .unwrap_or(Begin { time: GpsTime::from_nanoseconds(MIDDLE_WEEK_NS), is_weekly: true });
-        let epochs = Ordered::new(LogEpochs::new(source, protocol, options, begin, damage));
+        let epochs = LogEpochs::new(source, protocol, options, begin, damage);
+        let epochs =
+            if options.as_received { Ordered::prompt(epochs) } else { Ordered::new(epochs) };
         Ok(Self { epochs, is_dated })
+    }
+
+    /// Reads a stream as it comes, for whose first message with observations it waits.
+    /// `options.as_received` is taken for granted.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`] if the stream breaks off or ends without any observation, or if a station or an
+    /// antenna is chosen and the protocol has none, or if `approximate_time` is needed and not given.
+    pub fn of_stream(mut source: Source, options: &LogOptions) -> Result<Self, ReadError> {
+        const OBSERVATIONS: &str = "messages with observations: RXM-RAWX (UBX), MSM 4 to 7 or 1004 and \
+            1012 (RTCM 3) or MeasEpoch (SBF)";
+        let options = LogOptions { as_received: true, ..*options };
+        let chosen = options.chosen_protocol();
+        let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
+        let mut news = News::new(options.approximate_time);
+        let mut dating = Dating::new(options.approximate_time);
+        let protocol = loop {
+            let Some(frame) = scanner.next(&mut source, &mut damage)? else {
+                return Err(source.wrong_content("no observations", OBSERVATIONS));
+            };
+            dating.take(&frame);
+            let is_wanted = chosen.is_none_or(|chosen| chosen == frame.protocol);
+            if is_wanted && MessageKind::of(&frame).role() == Role::Observations {
+                break frame.protocol;
+            }
+            news.gather(&frame, &mut damage);
+        };
+        scanner.give_again();
+        let start = Start { observing: Some(protocol), found: Some(protocol), dating };
+        let mut reader = Self::new(source, protocol, &options, start)?;
+        reader.epochs.raw.go_on_from(scanner, damage, news);
+        Ok(reader)
+    }
+
+    /// Navigation data that came before the first message of the epoch that was read last and after
+    /// that of the epoch before; nothing unless the log is read as received.
+    pub fn take_news(&mut self) -> NavigationData {
+        self.epochs.raw.news_before(self.epochs.place)
+    }
+
+    /// Byte offset of the first message with observations of the epoch that was read last.
+    #[must_use]
+    pub const fn begun_at(&self) -> u64 {
+        self.epochs.place
+    }
+
+    /// RTCM 3, as received: the date that ephemerides tell, where it ended the reading because the week
+    /// in force is another one.
+    #[must_use]
+    pub const fn told_date(&self) -> Option<GpsTime> {
+        self.epochs.raw.told_date
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the log.
@@ -149,6 +209,12 @@ impl LogReader {
     #[must_use]
     pub fn name(&self) -> &str {
         self.epochs.raw.source.name()
+    }
+
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.epochs.raw.source.bytes_read()
     }
 }
 

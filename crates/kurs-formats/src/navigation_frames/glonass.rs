@@ -186,10 +186,12 @@ fn moscow(gpst: GpsTime) -> GpsTime {
     gpst + (MOSCOW_S - f64::from(gpst.leap_seconds()))
 }
 
-/// The instant next to `near` at which it is `of_day_s` in Moscow.
+/// The instant next to `near` at which it is `of_day_s` in Moscow, on the other side of a leap second
+/// too.
 fn next_to(near: GpsTime, of_day_s: f64) -> GpsTime {
     let ahead_s = of_day_s - moscow(near).tow_s() % DAY_S;
-    near + (ahead_s - DAY_S * (ahead_s / DAY_S).round())
+    let by_leap_of_near = near + (ahead_s - DAY_S * (ahead_s / DAY_S).round());
+    by_leap_of_near + f64::from(by_leap_of_near.leap_seconds() - near.leap_seconds())
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative
@@ -310,6 +312,21 @@ mod tests {
             day: 1000,
             four_years: 0,
             slot: 7,
+        }
+    }
+
+    /// 23:45 and 00:15 UTC, seen from both sides of the leap second of 2016.
+    #[test]
+    fn times_next_to_a_leap_second() {
+        let utc = |year, month, day, hour, minute, second| {
+            GpsTime::from_utc(Calendar { year, month, day, hour, minute, second }).unwrap()
+        };
+        let before = utc(2016, 12, 31, 23, 45, 0.0);
+        let after = utc(2017, 1, 1, 0, 15, 0.0);
+        assert_eq!(after - before, 1801.0);
+        for near in [utc(2016, 12, 31, 23, 59, 50.0), utc(2017, 1, 1, 0, 0, 10.0)] {
+            assert_eq!(next_to(near, 9900.0), before);
+            assert_eq!(next_to(near, 11_700.0), after);
         }
     }
 

@@ -3,12 +3,13 @@
 //! Time: `gps_week, tow_s`, or `time_utc` (`2024-05-01T12:00:00.5Z`, or with another zone,
 //! `2024-05-01 14:00:00.5+02:00`), or `time_gpst`. Antenna: `name`. Place:
 //! `latitude_deg, longitude_deg, height_m` (WGS 84, above the ellipsoid) or `x_m, y_m, z_m` (ECEF).
-//! Optional: `sd_north_m, sd_east_m, sd_down_m`. Other columns are passed over.
+//! Optional: `sd_north_m, sd_east_m, sd_down_m`, and `status` with the words of Kurs, by which rows
+//! without a solution are left out. Other columns are passed over.
 
 use kurs::frames::{Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
-use super::{PositionFix, checked_place};
+use super::{PositionFix, Quality, checked_place};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
 
@@ -18,6 +19,7 @@ struct Columns {
     name: usize,
     place: PlaceColumns,
     sd: Option<[usize; 3]>,
+    status: Option<usize>,
     /// Fields that a row must have at least.
     count: usize,
 }
@@ -99,6 +101,7 @@ impl Columns {
             name: find("name").ok_or_else(|| missing("`name`"))?,
             place,
             sd: three(["sd_north_m", "sd_east_m", "sd_down_m"]),
+            status: find("status"),
             count: names.len(),
         })
     }
@@ -147,6 +150,7 @@ impl Columns {
                     .ok_or_else(|| format!("no time: `{word}`"))?
             }
         };
+        let Some(quality) = self.quality(&fields)? else { return Ok(None) };
         let position_m = match &self.place {
             PlaceColumns::Ecef(columns) => {
                 let [x, y, z] = numbers(columns)?;
@@ -171,7 +175,29 @@ impl Columns {
             }
             _ => None,
         };
-        Ok(Some(PositionFix { time, antenna, position_m, sd_ned_m, sd_factor: 1.0 }))
+        Ok(Some(PositionFix {
+            time,
+            antenna,
+            position_m,
+            sd_ned_m,
+            quality,
+            is_above_geoid: false,
+        }))
+    }
+}
+
+impl Columns {
+    /// The kind of solution, by the words of Kurs; `None` for rows that say themselves that they have
+    /// none.
+    fn quality(&self, fields: &[&[u8]]) -> Result<Option<Quality>, String> {
+        let word = self.status.map_or(Ok(""), |column| text(fields[column]))?;
+        match word {
+            "" => Ok(Some(Quality::Unknown)),
+            "fixed" => Ok(Some(Quality::RtkFixed)),
+            "float" => Ok(Some(Quality::RtkFloat)),
+            "lost" | "inconsistent" | "not_capable" => Ok(None),
+            _ => Err(format!("status `{word}`, expected fixed, float, lost, inconsistent")),
+        }
     }
 }
 

@@ -20,9 +20,40 @@ pub struct PositionFix {
     pub position_m: Vector<Ecef>,
     /// Standard deviations north, east, down, m, if the receiver states them.
     pub sd_ned_m: Option<[f64; 3]>,
-    /// How many times less certain than the best kind of solution, by the receiver's word for its
-    /// kind: 1 where it has none.
-    pub sd_factor: f64,
+    /// What kind of solution it is, by the receiver's own word.
+    pub quality: Quality,
+    /// Whether the height is above the geoid, because nothing tells how far that is from the ellipsoid.
+    pub is_above_geoid: bool,
+}
+
+/// Kinds of solutions, the best first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quality {
+    /// Nothing is said.
+    Unknown,
+    /// Carrier phase with integers.
+    RtkFixed,
+    /// Carrier phase with real-valued ambiguities.
+    RtkFloat,
+    /// Code with corrections.
+    DifferentialCode,
+    /// Code.
+    Code,
+}
+
+impl Quality {
+    /// How many times less certain than the best kind: centimetres, decimetres for a float solution,
+    /// then code with and without corrections. Nothing said counts as the best: its standard deviations
+    /// are the user's.
+    #[must_use]
+    pub const fn sd_factor(self) -> f64 {
+        match self {
+            Self::Unknown | Self::RtkFixed => 1.0,
+            Self::RtkFloat => 20.0,
+            Self::DifferentialCode => 50.0,
+            Self::Code => 150.0,
+        }
+    }
 }
 
 /// The place, if a receiver can be there.

@@ -1,28 +1,55 @@
-//! NMEA 0183 logs of one receiver: GGA for the place, RMC or ZDA for the date, GST for the standard
-//! deviations.
+//! NMEA 0183 logs of one receiver: GGA or GNS for the place, RMC or ZDA for the date, GST for the
+//! standard deviations.
 //!
-//! A sentence counts only with its checksum; what stands before its `$` on the line is passed over
-//! (time stamps of loggers, binary messages in between). GGA gives a time of day; its date comes from
-//! an RMC or ZDA of the same second or, failing that, from the last one, counted on over midnight.
-//! What comes before the first date is dated backwards from it. Where GST is missing, the quality that
-//! GGA states tells kinds of solutions apart.
+//! A `$` anywhere on a line begins a sentence; what stands before and behind it (time stamps of
+//! loggers, binary messages) is passed over. A sentence counts only with its checksum, unless those
+//! without any are accepted. GGA and GNS give a time of day; [`dates`] finds the day. Where GST is
+//! missing, the quality that they state tells kinds of solutions apart.
+//!
+//! Heights above the ellipsoid are altitude plus separation of the geoid. Where a sentence leaves the
+//! separation out it is that of the nearest sentence before, or of the first that has one.
 
-use kurs::frames::{Geodetic, Vector};
-use kurs::time::{Calendar, GpsTime};
+mod dates;
+mod sentence;
 
-use super::{PositionFix, checked_place};
+use std::collections::BTreeMap;
+
+use kurs::frames::Geodetic;
+
+use super::{PositionFix, Quality, checked_place};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
-
-const DAY_S: f64 = 86_400.0;
-/// A step of the time of day by more than this goes over midnight.
-const HALF_DAY_S: f64 = 43_200.0;
+use dates::Dates;
+use sentence::{Fields, Piece, pieces};
 
 /// Year, month, day.
 pub type Date = (i32, u8, u8);
 
-/// Reads a log of the antenna with this number; `date` is that of its first position, for logs
-/// that say none.
+/// What a log is read by.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NmeaOptions {
+    /// UTC date of its first position, for logs that say none.
+    pub date: Option<Date>,
+    /// Whether sentences without a checksum count.
+    pub accept_no_checksum: bool,
+}
+
+/// What a log holds, whether it could be used or not.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Sentences {
+    /// Number of sentences that count, by kind.
+    pub kinds: BTreeMap<String, u64>,
+    /// Sentences that have no checksum.
+    pub without_checksum: u64,
+    /// Sentences whose checksum is wrong.
+    pub damaged: u64,
+    /// Positions without a fix.
+    pub without_fix: u64,
+    /// The last separation of the geoid that a position states, m.
+    pub separation_m: Option<f64>,
+}
+
+/// Reads a log of the antenna with this number.
 ///
 /// # Errors
 ///
@@ -30,108 +57,131 @@ pub type Date = (i32, u8, u8);
 pub fn read(
     source: &mut Source,
     antenna: usize,
-    date: Option<Date>,
+    options: NmeaOptions,
     damage: &mut DamageLog,
     mut take: impl FnMut(PositionFix),
-) -> Result<(), ReadError> {
+) -> Result<Sentences, ReadError> {
     let mut log = Log { antenna, ..Log::default() };
     while source.advance()? {
         let number = source.line_number();
         let line = source.line().trim_ascii();
-        if line.is_empty() {
-            continue;
+        if !line.is_empty() && !line.iter().any(|byte| matches!(byte, b'$' | b'!')) {
+            damage.note(number, "no sentence: there is no $");
         }
-        match sentence(line) {
-            Ok(fields) => {
-                if let Err(what) = log.push(&fields, &mut take) {
-                    damage.note(number, what);
+        for piece in pieces(line) {
+            let fields = match piece {
+                Piece::Sentence(fields) => fields,
+                Piece::WithoutChecksum(fields) => {
+                    log.sentences.without_checksum += 1;
+                    if !options.accept_no_checksum {
+                        damage.note(number, "a sentence without checksum");
+                        continue;
+                    }
+                    fields
                 }
+                Piece::Damaged(what) => {
+                    log.sentences.damaged += 1;
+                    damage.note(number, what);
+                    continue;
+                }
+            };
+            if let Err(what) = log.push(&fields, number, damage, &mut take) {
+                damage.note(number, what);
             }
-            Err(what) => damage.note(number, what),
         }
     }
-    log.release(&mut take);
-    if log.last_date.is_none() && !log.undated.is_empty() {
-        match date {
-            Some(date) => log.date_all(date, &mut take),
-            None => damage.note(
-                source.line_number(),
-                "no RMC or ZDA sentence: the date of the positions is not known (give --date)",
-            ),
-        }
-    }
-    Ok(())
+    log.finish(options.date, source.line_number(), damage, &mut take);
+    Ok(log.sentences)
 }
 
 /// Whether one of these first lines of a file has a sentence, whatever else there is.
 #[must_use]
 pub fn has_sentence(start: &[u8]) -> bool {
-    start.split(|byte| *byte == b'\n').any(|line| sentence(line.trim_ascii()).is_ok())
+    start.split(|byte| *byte == b'\n').any(|line| pieces(line).next().is_some())
 }
 
-/// Fields of a sentence whose checksum is right, without `$` and checksum.
-fn sentence(line: &[u8]) -> Result<Vec<&str>, String> {
-    let start = line.iter().rposition(|byte| matches!(byte, b'$' | b'!'));
-    let body = &line[start.ok_or("no sentence: there is no $")? + 1..];
-    let body = core::str::from_utf8(body).map_err(|_| "not text".to_owned())?;
-    let (body, checksum) = body.rsplit_once('*').ok_or("a sentence without checksum")?;
-    let stated = u8::from_str_radix(checksum.trim(), 16)
-        .map_err(|_| format!("checksum `{checksum}` is no number"))?;
-    let found = body.bytes().fold(0, |sum, byte| sum ^ byte);
-    if found != stated {
-        return Err(format!("checksum {stated:02X}, but the text gives {found:02X}"));
+impl Sentences {
+    /// Why the log gave no position, in words.
+    #[must_use]
+    pub fn why_no_position(&self) -> String {
+        let Self { without_checksum, damaged, without_fix, .. } = self;
+        let listed = || {
+            let kinds = self.kinds.iter().map(|(kind, count)| format!("{count} {kind}"));
+            kinds.collect::<Vec<_>>().join(", ")
+        };
+        let positions = ["GGA", "GNS"].iter().filter_map(|kind| self.kinds.get(*kind)).sum::<u64>();
+        match (self.kinds.is_empty(), positions) {
+            (true, _) if *without_checksum > 0 => format!(
+                "no sentence has a right checksum ({without_checksum} without any, {damaged} wrong); \
+                 --accept-no-checksum takes those without"
+            ),
+            (true, _) => format!("no sentence has a right checksum ({damaged} wrong)"),
+            (false, 0) => format!("no GGA and no GNS ({})", listed()),
+            (false, _) if positions == *without_fix => {
+                format!("{without_fix} positions, all without a fix ({})", listed())
+            }
+            (false, _) => format!("{positions} positions that cannot be used ({})", listed()),
+        }
     }
-    Ok(body.split(',').collect())
 }
 
-/// A GGA that waits for its date and its standard deviations.
+/// What a position says of its place.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// With the altitude above the geoid for height.
+    above_geoid: Geodetic,
+    separation_m: Option<f64>,
+    quality: Quality,
+}
+
+/// A position that waits for its date and its standard deviations.
 #[derive(Debug, Clone, Copy)]
 struct Pending {
+    day: i32,
     day_s: f64,
-    position_m: Vector<kurs::frames::Ecef>,
+    place: Place,
     sd_ned_m: Option<[f64; 3]>,
-    sd_factor: f64,
 }
 
 /// State between sentences.
 #[derive(Debug, Default)]
 struct Log {
     antenna: usize,
-    pending: Option<Pending>,
-    /// The last known date, and the time of day it stood with.
-    last_date: Option<(Date, f64)>,
-    undated: Vec<Pending>,
+    sentences: Sentences,
+    dates: Dates,
+    /// Positions of the stretch of time whose dates are not all read yet.
+    waiting: Vec<Pending>,
 }
 
 impl Log {
-    fn push(&mut self, fields: &[&str], take: &mut impl FnMut(PositionFix)) -> Result<(), String> {
-        let kind = fields[0].get(2..).unwrap_or_default();
+    fn push(
+        &mut self,
+        fields: &Fields<'_>,
+        line: u64,
+        damage: &mut DamageLog,
+        take: &mut impl FnMut(PositionFix),
+    ) -> Result<(), String> {
+        let kind = fields.kind();
+        *self.sentences.kinds.entry(kind.to_owned()).or_default() += 1;
         match kind {
-            "GGA" => {
-                self.release(take);
-                self.pending = gga(fields)?;
-            }
+            "GGA" => self.position(fields.gga()?, fields.day_s(), damage, take)?,
+            "GNS" => self.position(fields.gns()?, fields.day_s(), damage, take)?,
             "RMC" => {
-                let (day_s, date) = (time_of_day(field(fields, 1))?, field(fields, 9));
-                if !date.is_empty() {
-                    self.date(day_s, date_of_digits(date)?, take);
+                if let Some((date, holds)) = fields.rmc()? {
+                    let day = self.day(fields.day_s()?, damage, take);
+                    self.dates.vote(date, day, holds, line)?;
                 }
             }
             "ZDA" => {
-                let day_s = time_of_day(field(fields, 1))?;
-                if !field(fields, 4).is_empty() {
-                    let date = (
-                        integer(field(fields, 4))?,
-                        integer(field(fields, 3))?,
-                        integer(field(fields, 2))?,
-                    );
-                    self.date(day_s, date, take);
+                if let Some(date) = fields.zda()? {
+                    let day = self.day(fields.day_s()?, damage, take);
+                    self.dates.vote(date, day, true, line)?;
                 }
             }
             "GST" => {
-                let day_s = time_of_day(field(fields, 1))?;
-                if let Some(pending) = self.pending.as_mut().filter(|p| p.day_s == day_s) {
-                    pending.sd_ned_m = gst(fields)?;
+                let day_s = fields.day_s()?;
+                if let Some(position) = self.waiting.last_mut().filter(|p| p.day_s == day_s) {
+                    position.sd_ned_m = fields.gst()?;
                 }
             }
             _ => {}
@@ -139,172 +189,97 @@ impl Log {
         Ok(())
     }
 
-    /// A date became known.
-    fn date(&mut self, day_s: f64, date: Date, take: &mut impl FnMut(PositionFix)) {
-        if self.last_date.is_none() {
-            for earlier in core::mem::take(&mut self.undated) {
-                self.emit(&earlier, day_s, date, take);
-            }
-        }
-        self.last_date = Some((date, day_s));
-    }
-
-    /// No sentence gave a date: the first position was on this one.
-    fn date_all(&mut self, mut date: Date, take: &mut impl FnMut(PositionFix)) {
-        let mut day_s = self.undated.first().map_or(0.0, |first| first.day_s);
-        for pending in core::mem::take(&mut self.undated) {
-            date = self.emit(&pending, day_s, date, take);
-            day_s = pending.day_s;
-        }
-    }
-
-    /// The waiting GGA has all it will get.
-    fn release(&mut self, take: &mut impl FnMut(PositionFix)) {
-        let Some(pending) = self.pending.take() else { return };
-        match self.last_date {
-            Some((date, day_s)) => {
-                let date = self.emit(&pending, day_s, date, take);
-                self.last_date = Some((date, pending.day_s));
-            }
-            None => self.undated.push(pending),
-        }
-    }
-
-    /// Gives the fix, dated by a date that stood with the time of day `day_s`; returns its own date.
-    fn emit(
-        &self,
-        pending: &Pending,
+    /// The day number of a sentence; what waits is given out where a new stretch of time begins.
+    fn day(
+        &mut self,
         day_s: f64,
-        date: Date,
+        damage: &mut DamageLog,
         take: &mut impl FnMut(PositionFix),
-    ) -> Date {
-        let step_s = pending.day_s - day_s;
-        let date = if step_s < -HALF_DAY_S {
-            days_after(date, 1.0)
-        } else if step_s > HALF_DAY_S {
-            days_after(date, -1.0)
-        } else {
-            date
-        };
-        let (year, month, day) = date;
-        let midnight = Calendar { year, month, day, hour: 0, minute: 0, second: 0.0 };
-        if let Some(midnight) = GpsTime::from_utc(midnight) {
-            let Pending { position_m, sd_ned_m, sd_factor, .. } = *pending;
-            let time = midnight + pending.day_s;
-            take(PositionFix { time, antenna: self.antenna, position_m, sd_ned_m, sd_factor });
+    ) -> i32 {
+        let (day, is_new) = self.dates.step(day_s);
+        // A stretch without any date belongs to the next one.
+        if is_new && self.dates.has_votes() {
+            let day_zero = self.dates.end_stretch(damage);
+            self.release(day_zero, take);
         }
-        date
+        day
     }
-}
 
-fn days_after(date: Date, days: f64) -> Date {
-    let (year, month, day) = date;
-    let noon = Calendar { year, month, day, hour: 12, minute: 0, second: 0.0 };
-    GpsTime::from_calendar(noon).map_or(date, |noon| {
-        let Calendar { year, month, day, .. } = (noon + days * DAY_S).calendar();
-        (year, month, day)
-    })
-}
-
-/// `GGA,hhmmss.ss,ddmm.mm,N,dddmm.mm,E,quality,satellites,hdop,altitude,M,separation,M,…`; `None`
-/// without a position.
-fn gga(fields: &[&str]) -> Result<Option<Pending>, String> {
-    let Some(sd_factor) = sd_factor(field(fields, 6)) else { return Ok(None) };
-    if field(fields, 2).is_empty() {
-        return Ok(None);
+    /// A sentence with a place, or without a fix.
+    fn position(
+        &mut self,
+        place: Option<Place>,
+        day_s: Result<f64, String>,
+        damage: &mut DamageLog,
+        take: &mut impl FnMut(PositionFix),
+    ) -> Result<(), String> {
+        let Some(mut place) = place else {
+            self.sentences.without_fix += 1;
+            return Ok(());
+        };
+        let day_s = day_s?;
+        let day = self.day(day_s, damage, take);
+        place.separation_m = place.separation_m.or(self.sentences.separation_m);
+        if self.sentences.separation_m.is_none() && place.separation_m.is_some() {
+            let earlier = self.waiting.iter_mut().map(|p| &mut p.place.separation_m);
+            earlier.for_each(|separation_m| *separation_m = place.separation_m);
+        }
+        self.sentences.separation_m = place.separation_m;
+        // GGA and GNS of one epoch, or two talkers, say the same.
+        if self.waiting.last().is_none_or(|last| (last.day, last.day_s) != (day, day_s)) {
+            self.waiting.push(Pending { day, day_s, place, sd_ned_m: None });
+        }
+        Ok(())
     }
-    let day_s = time_of_day(field(fields, 1))?;
-    let latitude = degrees(field(fields, 2), field(fields, 3), 90.0)?;
-    let longitude = degrees(field(fields, 4), field(fields, 5), 180.0)?;
-    // Above the ellipsoid: altitude above the geoid plus the geoid's separation.
-    let separation = match field(fields, 11) {
-        "" => 0.0,
-        word => number(word)?,
-    };
-    let height = number(field(fields, 9))? + separation;
-    let place = Geodetic::from_degrees(latitude, longitude, height);
-    let position_m = checked_place(place.to_ecef())?;
-    Ok(Some(Pending { day_s, position_m, sd_ned_m: None, sd_factor }))
-}
 
-/// How much less certain a quality of GGA is than a fixed RTK solution: centimetres, decimetres for a
-/// float one, then code solutions with and without corrections. `None` where nothing was measured:
-/// no fix, dead reckoning, entered by hand.
-fn sd_factor(quality: &str) -> Option<f64> {
-    match quality {
-        "" | "0" | "6" | "7" => None,
-        "4" => Some(1.0),
-        "5" => Some(20.0),
-        "2" => Some(50.0),
-        _ => Some(150.0),
+    /// Gives out what waits.
+    fn release(&mut self, day_zero: Option<i64>, take: &mut impl FnMut(PositionFix)) {
+        let Some(day_zero) = day_zero else { return };
+        for Pending { day, day_s, place, sd_ned_m } in self.waiting.drain(..) {
+            let Geodetic { latitude_rad, longitude_rad, height_m } = place.above_geoid;
+            let height_m = height_m + place.separation_m.unwrap_or(0.0);
+            let above_ellipsoid = Geodetic { latitude_rad, longitude_rad, height_m };
+            // The altitude was checked; a separation beyond all measure is left out with its place.
+            let Ok(position_m) = checked_place(above_ellipsoid.to_ecef()) else { continue };
+            if let Some(time) = dates::instant(day_zero, day, day_s) {
+                take(PositionFix {
+                    time,
+                    antenna: self.antenna,
+                    position_m,
+                    sd_ned_m,
+                    quality: place.quality,
+                    is_above_geoid: place.separation_m.is_none(),
+                });
+            }
+        }
     }
-}
 
-/// `GST,hhmmss.ss,rms,major,minor,orientation,latitude,longitude,height`; `None` where a field is
-/// empty or zero.
-fn gst(fields: &[&str]) -> Result<Option<[f64; 3]>, String> {
-    let words = [field(fields, 6), field(fields, 7), field(fields, 8)];
-    if words.contains(&"") {
-        return Ok(None);
+    /// The log has ended.
+    fn finish(
+        &mut self,
+        date: Option<Date>,
+        line: u64,
+        damage: &mut DamageLog,
+        take: &mut impl FnMut(PositionFix),
+    ) {
+        let first_day = self.waiting.first().map(|first| first.day);
+        let by_log = self.dates.end_stretch(damage);
+        let assumed = || self.dates.assumed(date.zip(first_day));
+        let day_zero = by_log.or_else(assumed);
+        if day_zero.is_none() && !self.waiting.is_empty() {
+            damage.note(
+                line,
+                "no RMC or ZDA sentence: the date of the positions is not known (give --date)",
+            );
+        }
+        self.release(day_zero, take);
     }
-    let sd = [number(words[0])?, number(words[1])?, number(words[2])?];
-    Ok(sd.iter().all(|sd| *sd > 0.0).then_some(sd))
-}
-
-/// A field, or nothing beyond the end.
-fn field<'a>(fields: &[&'a str], index: usize) -> &'a str {
-    fields.get(index).copied().unwrap_or_default()
-}
-
-/// `hhmmss.ss` as seconds of the day.
-fn time_of_day(word: &str) -> Result<f64, String> {
-    let bad = || format!("`{word}` is no time of day");
-    let hours = number(word.get(0..2).ok_or_else(bad)?)?;
-    let minutes = number(word.get(2..4).ok_or_else(bad)?)?;
-    let seconds = number(word.get(4..).ok_or_else(bad)?)?;
-    let inside = (0.0..24.0).contains(&hours)
-        && (0.0..60.0).contains(&minutes)
-        && (0.0..61.0).contains(&seconds);
-    if inside { Ok(3600.0 * hours + 60.0 * minutes + seconds) } else { Err(bad()) }
-}
-
-/// `ddmmyy`; years from 80 on are of the last century.
-fn date_of_digits(word: &str) -> Result<(i32, u8, u8), String> {
-    let bad = || format!("`{word}` is no date");
-    let part = |from: usize| word.get(from..from + 2).ok_or_else(bad);
-    let year: i32 = integer(part(4)?)?;
-    let century = if year >= 80 { 1900 } else { 2000 };
-    Ok((century + year, integer(part(2)?)?, integer(part(0)?)?))
-}
-
-/// `ddmm.mmmm` and the letter of the half.
-fn degrees(word: &str, half: &str, most: f64) -> Result<f64, String> {
-    let bad = || format!("`{word} {half}` is no angle");
-    let point = word.find('.').unwrap_or(word.len());
-    let split = point.checked_sub(2).ok_or_else(bad)?;
-    let (whole, minutes) = (word.get(..split), word.get(split..));
-    let (Some(whole), Some(minutes)) = (whole, minutes) else { return Err(bad()) };
-    let value = number(whole)? + number(minutes)? / 60.0;
-    let sign = match half {
-        "N" | "E" => 1.0,
-        "S" | "W" => -1.0,
-        _ => return Err(bad()),
-    };
-    if (0.0..=most).contains(&value) { Ok(sign * value) } else { Err(bad()) }
-}
-
-fn integer<T: core::str::FromStr>(word: &str) -> Result<T, String> {
-    word.parse().map_err(|_| format!("`{word}` is no number"))
-}
-
-fn number(word: &str) -> Result<f64, String> {
-    let value: f64 = integer(word)?;
-    if value.is_finite() { Ok(value) } else { Err(format!("`{word}` is not finite")) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kurs::time::{Calendar, GpsTime};
     use proptest::prelude::*;
 
     fn with_checksum(body: &str) -> String {
@@ -323,7 +298,8 @@ mod tests {
     fn read_dated(text: Vec<u8>, date: Option<Date>) -> (Vec<PositionFix>, DamageLog) {
         let mut source = Source::new(std::io::Cursor::new(text), "log").unwrap();
         let (mut found, mut damage) = (Vec::new(), DamageLog::default());
-        read(&mut source, 2, date, &mut damage, |fix| found.push(fix)).unwrap();
+        let options = NmeaOptions { date, ..NmeaOptions::default() };
+        read(&mut source, 2, options, &mut damage, |fix| found.push(fix)).unwrap();
         (found, damage)
     }
 
@@ -346,7 +322,8 @@ mod tests {
         assert!((found[0].position_m - expected).norm() < 1e-6);
         assert_eq!(found[0].sd_ned_m, Some([0.010, 0.012, 0.021]));
         assert_eq!((found[0].antenna, found[1].sd_ned_m), (2, None));
-        let expected = Geodetic::from_degrees(-55.5, -37.5, 150.0).to_ecef();
+        // The separation that is left out is that of the sentence before.
+        let expected = Geodetic::from_degrees(-55.5, -37.5, 164.5).to_ecef();
         assert!((found[1].position_m - expected).norm() < 1e-6);
     }
 
@@ -402,12 +379,14 @@ mod tests {
     #[test]
     fn qualities_are_told_apart() {
         let zda = "GPZDA,000000,01,01,2024,00,00".to_owned();
-        let gga =
-            |quality: &str| format!("GPGGA,000000,0000.0,N,00000.0,E,{quality},5,1,0,M,0,M,,");
+        let gga = |(second, quality): (usize, &&str)| {
+            format!("GPGGA,00000{second},0000.0,N,00000.0,E,{quality},5,1,0,M,0,M,,")
+        };
+        let qualities = ["4", "5", "2", "1", "0", "6", ""];
         let log: Vec<String> =
-            std::iter::once(zda).chain(["4", "5", "2", "1", "0", "6", ""].map(gga)).collect();
+            std::iter::once(zda).chain(qualities.iter().enumerate().map(gga)).collect();
         let (found, _) = fixes(&log.iter().map(String::as_str).collect::<Vec<_>>());
-        let factors: Vec<f64> = found.iter().map(|fix| fix.sd_factor).collect();
+        let factors: Vec<f64> = found.iter().map(|fix| fix.quality.sd_factor()).collect();
         assert_eq!(factors, [1.0, 20.0, 50.0, 150.0]);
     }
 
@@ -423,6 +402,139 @@ mod tests {
         assert_eq!((found.len(), damage.total()), (1, 0));
     }
 
+    fn gga(second: u32, rest: &str) -> String {
+        format!("GNGGA,1200{second:02}.00,5000.0,N,00800.0,E,{rest},M,1.0,0001")
+    }
+
+    fn rmc(second: u32, status: &str, date: &str) -> String {
+        format!("GNRMC,1200{second:02}.00,{status},5000.0,N,00800.0,E,0.0,0.0,{date},,,R")
+    }
+
+    /// Void dates and one that contradicts its neighbours date nothing; only the latter is damage.
+    #[test]
+    fn wrong_dates_are_outvoted() {
+        let log: Vec<String> = (0..10)
+            .flat_map(|k| {
+                let date = if k == 6 { "160604" } else { "160624" };
+                let position = gga(k, "4,12,0.6,52.0,M,48.0");
+                [rmc(k, "V", "050505"), position, rmc(k, "A", date)]
+            })
+            .collect();
+        let (found, damage) = fixes(&log.iter().map(String::as_str).collect::<Vec<_>>());
+        let times: Vec<GpsTime> = found.iter().map(|fix| fix.time).collect();
+        let noon = at(2024, 6, 16, 12, 0, 0.0);
+        assert_eq!(times, (0..10).map(|k| noon + f64::from(k)).collect::<Vec<_>>());
+        assert_eq!(damage.total(), 1);
+        let what = &damage.listed()[0].what;
+        assert!(what.contains("1 sentences date the log -7305 days off"), "{what}");
+        assert_eq!(damage.listed()[0].line, 21);
+    }
+
+    /// Before any valid date a void one may serve, but a date from outside goes first.
+    #[test]
+    fn a_void_date_serves_where_there_is_no_other() {
+        let log =
+            with_checksum(&rmc(0, "V", "160624")) + &with_checksum(&gga(0, "4,12,0.6,52.0,M,48.0"));
+        let (found, _) = read_all(log.clone().into_bytes());
+        assert_eq!(found[0].time, at(2024, 6, 16, 12, 0, 0.0));
+        let (found, _) = read_dated(log.into_bytes(), Some((2024, 6, 17)));
+        assert_eq!(found[0].time, at(2024, 6, 17, 12, 0, 0.0));
+    }
+
+    #[test]
+    fn a_pause_of_days_is_obeyed() {
+        let (found, damage) = fixes(&[
+            &gga(0, "4,12,0.6,52.0,M,48.0"),
+            &rmc(0, "A", "160624"),
+            &gga(1, "4,12,0.6,52.0,M,48.0"),
+            "GNGGA,110000.00,5000.0,N,00800.0,E,4,12,0.6,52.0,M,48.0,M,1.0,0001",
+            "GNZDA,110000.00,20,06,2024,00,00",
+            "GNGGA,110001.00,5000.0,N,00800.0,E,4,12,0.6,52.0,M,48.0,M,1.0,0001",
+        ]);
+        let times: Vec<GpsTime> = found.iter().map(|fix| fix.time).collect();
+        let (first, second) = (at(2024, 6, 16, 12, 0, 0.0), at(2024, 6, 20, 11, 0, 0.0));
+        assert_eq!((times, damage.total()), (vec![first, first + 1.0, second, second + 1.0], 0));
+    }
+
+    fn heights(found: &[PositionFix]) -> Vec<f64> {
+        let height_m = |fix: &PositionFix| Geodetic::from_ecef(fix.position_m).height_m;
+        found.iter().map(|fix| (1e6 * height_m(fix)).round() / 1e6).collect()
+    }
+
+    /// A separation that is left out is that of the neighbours; without any the height says so.
+    #[test]
+    fn an_empty_separation_is_not_zero() {
+        let date = rmc(0, "A", "160624");
+        let (found, _) = fixes(&[
+            &date,
+            &gga(0, "4,12,0.6,52.0,M,"),
+            &gga(1, "4,12,0.6,52.0,M,48.0"),
+            &gga(2, "4,12,0.6,52.0,M,"),
+        ]);
+        assert_eq!(heights(&found), [100.0, 100.0, 100.0]);
+        assert!(found.iter().all(|fix| !fix.is_above_geoid));
+        let (found, _) = fixes(&[&date, &gga(0, "4,12,0.6,52.0,M,")]);
+        assert_eq!((heights(&found), found[0].is_above_geoid), (vec![52.0], true));
+    }
+
+    #[test]
+    fn gns_gives_places_and_is_as_good_as_its_worst_system() {
+        let zda = "GNZDA,120000.00,16,06,2024,00,00".to_owned();
+        let gns = |second: usize, modes: &str| {
+            format!("GNGNS,1200{second:02}.00,5000.0,N,00800.0,E,{modes},24,0.6,52.0,48.0,1.0,0001")
+        };
+        let modes = ["RRNN", "RFNN", "DAN", "NNNN"];
+        let log: Vec<String> =
+            std::iter::once(zda).chain(modes.iter().enumerate().map(|(k, m)| gns(k, m))).collect();
+        let (found, damage) = fixes(&log.iter().map(String::as_str).collect::<Vec<_>>());
+        let qualities: Vec<Quality> = found.iter().map(|fix| fix.quality).collect();
+        assert_eq!(qualities, [Quality::RtkFixed, Quality::RtkFloat, Quality::Code]);
+        assert_eq!((heights(&found), damage.total()), (vec![100.0; 3], 0));
+    }
+
+    /// Both sentences of one epoch are one position, with the standard deviations that follow.
+    #[test]
+    fn sentences_on_one_line_count_each() {
+        let line = with_checksum("GNZDA,120000.00,16,06,2024,00,00").trim_end().to_owned()
+            + with_checksum(&gga(0, "4,12,0.6,52.0,M,48.0")).trim_end()
+            + ",12:00:00.1 "
+            + with_checksum("GNGNS,120000.00,5000.0,N,00800.0,E,RR,24,0.6,52.0,48.0,1.0,0001")
+                .trim_end()
+            + &with_checksum("GNGST,120000.00,0.02,,,,0.010,0.012,0.021");
+        let (found, damage) = read_all(line.into_bytes());
+        assert_eq!((found.len(), damage.total()), (1, 0));
+        assert_eq!(found[0].sd_ned_m, Some([0.010, 0.012, 0.021]));
+    }
+
+    #[test]
+    fn logs_without_checksums_or_positions_say_so() {
+        let bare = |accept_no_checksum: bool, text: &str| {
+            let text = text.as_bytes().to_vec();
+            let mut source = Source::new(std::io::Cursor::new(text), "log").unwrap();
+            let (mut count, mut damage) = (0, DamageLog::default());
+            let options = NmeaOptions { accept_no_checksum, date: Some((2024, 6, 16)) };
+            let sentences = read(&mut source, 0, options, &mut damage, |_| count += 1).unwrap();
+            (count, damage.total(), sentences.why_no_position())
+        };
+        let log = format!(
+            "${}\r\n${}\r\n",
+            gga(0, "4,12,0.6,52.0,M,48.0"),
+            gga(1, "4,12,0.6,52.0,M,48.0")
+        );
+        assert!(has_sentence(log.as_bytes()));
+        let (count, damage, why) = bare(false, &log);
+        assert_eq!((count, damage), (0, 2));
+        assert!(
+            why.starts_with("no sentence has a right checksum (2 without any, 0 wrong)"),
+            "{why}"
+        );
+        assert_eq!((bare(true, &log).0, bare(true, &log).1), (2, 0));
+        let gll = with_checksum("GNGLL,5000.0,N,00800.0,E,120000.00,A,A").repeat(3);
+        assert_eq!(bare(false, &gll).2, "no GGA and no GNS (3 GLL)");
+        let void = with_checksum("GNGGA,120000.00,,,,,0,00,,,M,,M,,");
+        assert_eq!(bare(false, &void).2, "1 positions, all without a fix (1 GGA)");
+    }
+
     proptest! {
         #[test]
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
@@ -430,7 +542,7 @@ mod tests {
         }
 
         #[test]
-        fn no_sentence_panics(body in "G[NP](GGA|RMC|ZDA|GST)[-,.0-9NSEWA]{0,80}") {
+        fn no_sentence_panics(body in "G[NP](GGA|GNS|RMC|ZDA|GST)[-,.0-9NSEWARV]{0,80}") {
             fixes(&[&body]);
         }
     }

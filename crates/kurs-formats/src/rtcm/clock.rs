@@ -51,7 +51,10 @@ pub(crate) fn resolve(header: &ObservationHeader, near: GpsTime, day: Day) -> Op
         (_, Day::Nearest) => of_day_s(week_s(epoch_time, own)),
         (_, Day::Stated) => week_s(epoch_time, own),
     };
-    let time = near + (own.nearest_with_tow(own_s)? - own);
+    let mut time = near + (own.nearest_with_tow(own_s)? - own);
+    if system == System::Glonass {
+        time += f64::from(time.leap_seconds() - near.leap_seconds());
+    }
     // Whatever the sums of real numbers make of it.
     Some(whole_milliseconds(time))
 }
@@ -93,7 +96,7 @@ mod tests {
     use super::*;
 
     fn header(system: System, epoch_time: u64) -> ObservationHeader {
-        ObservationHeader { system, epoch_time, station: 0 }
+        ObservationHeader { system, epoch_time, station: 0, more_follows: false }
     }
 
     #[test]
@@ -121,6 +124,16 @@ mod tests {
         let of_day = bits(System::Sbas, time) % 86_400_000;
         let read = resolve(&header(System::Sbas, of_day), time + 2.0, Day::Nearest);
         assert_eq!(read, Some(time));
+    }
+
+    /// From ten seconds before the leap second of 2016 to as many behind it.
+    #[test]
+    fn glonass_across_a_leap_second() {
+        let leap = GpsTime::from_week_tow(1930, 18.0).unwrap();
+        let header = header(System::Glonass, bits(System::Glonass, leap + 10.0));
+        for day in [Day::Stated, Day::Nearest] {
+            assert_eq!(resolve(&header, leap + -10.0, day), Some(leap + 10.0));
+        }
     }
 
     /// Three seconds into the week of GPS, BeiDou's is 11 s before its end.

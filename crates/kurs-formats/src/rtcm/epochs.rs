@@ -10,6 +10,7 @@ use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use super::clock::{self, Day};
+use super::prompt_end::PromptEnd;
 use super::{ObservationDecoder, ObservationHeader};
 use crate::damage::DamageLog;
 use crate::epoch_order::JUMP_STEPS;
@@ -26,6 +27,7 @@ pub(crate) type Placed = (AntennaEpoch, u64);
 struct Message {
     time: GpsTime,
     offset: u64,
+    more_follows: bool,
     body: Vec<u8>,
 }
 
@@ -44,11 +46,14 @@ pub(crate) struct EpochBuilder {
     shortest_step_s: Option<f64>,
     /// Systems whose days were found wrong.
     wrong_days: Vec<System>,
+    /// Of a log that is read as received: whether an epoch ends before the next one begins.
+    prompt_end: Option<PromptEnd>,
 }
 
 impl EpochBuilder {
-    pub(crate) fn new(begin: Begin) -> Self {
+    pub(crate) fn new(begin: Begin, as_received: bool) -> Self {
         Self {
+            prompt_end: as_received.then(PromptEnd::default),
             decoder: ObservationDecoder::default(),
             begin,
             open: None,
@@ -73,7 +78,14 @@ impl EpochBuilder {
             damage.note(offset, "the epoch time is none, message skipped");
             return None;
         };
-        self.put(time, body, offset, glonass_channels, damage)
+        let more_follows = header.more_follows;
+        let message = Message { time, offset, more_follows, body: body.to_vec() };
+        self.put(message, glonass_channels, damage)
+    }
+
+    /// The time of the last message, or where the log begins.
+    pub(crate) fn now(&self) -> GpsTime {
+        self.last.unwrap_or(self.begin.time)
     }
 
     /// An epoch that ends with what was taken in before.
@@ -82,13 +94,13 @@ impl EpochBuilder {
         glonass_channels: &mut BTreeMap<u8, i8>,
         damage: &mut DamageLog,
     ) -> Option<Placed> {
-        while let Some(Message { time, offset, body }) = self.waiting.pop_front() {
-            let complete = self.put(time, &body, offset, glonass_channels, damage);
+        while let Some(message) = self.waiting.pop_front() {
+            let complete = self.put(message, glonass_channels, damage);
             if complete.is_some() {
                 return complete;
             }
         }
-        None
+        self.close_promptly()
     }
 
     /// The last epochs, at the end of the log.
@@ -100,8 +112,8 @@ impl EpochBuilder {
         if let Some(complete) = self.close() {
             return Some(complete);
         }
-        let Message { time, offset, body } = self.held.take()?;
-        self.open(time, &body, offset, glonass_channels, damage);
+        let held = self.held.take()?;
+        self.open(&held, glonass_channels, damage);
         self.close()
     }
 
@@ -136,33 +148,34 @@ impl EpochBuilder {
 
     fn put(
         &mut self,
-        time: GpsTime,
-        body: &[u8],
-        offset: u64,
+        message: Message,
         glonass_channels: &mut BTreeMap<u8, i8>,
         damage: &mut DamageLog,
     ) -> Option<Placed> {
+        let time = message.time;
         let Some(open) = self.open.as_ref().map(|(epoch, _)| epoch.time) else {
-            self.open(time, body, offset, glonass_channels, damage);
-            return None;
+            if let Some(end) = self.prompt_end.as_mut().filter(|_| self.last == Some(time)) {
+                end.came_behind();
+            }
+            self.open(&message, glonass_channels, damage);
+            return self.close_promptly();
         };
-        let message = || Message { time, offset, body: body.to_vec() };
         if self.follows(open, time) {
             self.held.take().iter().for_each(|stray| note_stray(stray, damage));
             let complete = if time == open { None } else { self.close() };
-            self.open(time, body, offset, glonass_channels, damage);
-            return complete;
+            self.open(&message, glonass_channels, damage);
+            return complete.or_else(|| self.close_promptly());
         }
         match self.held.take() {
             Some(held) if confirms(open, held.time, time) => {
                 let complete = self.close();
-                self.open(held.time, &held.body, held.offset, glonass_channels, damage);
-                self.waiting.push_back(message());
+                self.open(&held, glonass_channels, damage);
+                self.waiting.push_back(message);
                 complete
             }
             stray => {
                 stray.iter().for_each(|stray| note_stray(stray, damage));
-                self.held = Some(message());
+                self.held = Some(message);
                 None
             }
         }
@@ -171,28 +184,39 @@ impl EpochBuilder {
     /// Whether a message of time `to` belongs to the open epoch or begins the next one.
     fn follows(&self, open: GpsTime, to: GpsTime) -> bool {
         let is_step = |step_s: f64| to > open && to - open <= JUMP_STEPS * step_s;
-        to == open || self.shortest_step_s.is_some_and(is_step)
+        let is_first_step = self.prompt_end.is_some() && to > open;
+        to == open || self.shortest_step_s.map_or(is_first_step, is_step)
     }
 
     /// Adds a message to the open epoch, or opens one with it.
     fn open(
         &mut self,
-        time: GpsTime,
-        body: &[u8],
-        offset: u64,
+        message: &Message,
         glonass_channels: &mut BTreeMap<u8, i8>,
         damage: &mut DamageLog,
     ) {
+        let Message { time, offset, more_follows, ref body } = *message;
         if let Some(step_s) = self.last.map(|last| time - last).filter(|step_s| *step_s > 0.0) {
             self.shortest_step_s = Some(self.shortest_step_s.map_or(step_s, |s| s.min(step_s)));
         }
         self.last = Some(time);
+        match &mut self.prompt_end {
+            Some(end) if self.open.is_none() => end.begin(more_follows),
+            Some(end) => end.go_on(more_follows),
+            None => {}
+        }
         let (epoch, _) = self
             .open
             .get_or_insert_with(|| (AntennaEpoch { time, ..AntennaEpoch::default() }, offset));
         if self.decoder.add(body, time, glonass_channels, &mut epoch.observations).is_none() {
             damage.note(offset, "the message is shorter than its masks say, skipped");
         }
+    }
+
+    /// The open epoch, if its last message says that it is the last and can be believed.
+    fn close_promptly(&mut self) -> Option<Placed> {
+        self.prompt_end.as_ref().filter(|end| end.is_complete())?;
+        self.close()
     }
 
     fn close(&mut self) -> Option<Placed> {

@@ -111,7 +111,7 @@ impl Memory {
             let second = layout.has_second_band.then(|| {
                 let code = reader.take(2);
                 let difference = sign_extended(reader.take(14), 14);
-                let range = (difference != -8192).then(|| range_m + difference as f64 * RANGE_M);
+                let range = (difference != -8192).then_some(range_m + difference as f64 * RANGE_M);
                 let (phase_less_range, lock) = (reader.take(20), reader.take(7));
                 BandFields { code, range, phase_less_range, lock, strength: reader.take(8) }
             });

@@ -15,6 +15,7 @@ mod lock;
 mod msm;
 mod observations;
 pub(crate) mod place;
+mod prompt_end;
 mod signal;
 mod write;
 

@@ -33,9 +33,8 @@ pub(super) struct Header {
     pub(super) station: u16,
     /// 30 bits, the meaning of which depends on the system.
     pub(super) epoch_time: u64,
-    /// Another message of the same epoch and station follows. Reading does not rely on it: some
-    /// programs do not set it.
-    more_follows: bool,
+    /// Another message of the same epoch and station follows; some programs do not set it.
+    pub(super) more_follows: bool,
     satellites: u64,
     signals: u32,
 }

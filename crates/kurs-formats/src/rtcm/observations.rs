@@ -18,6 +18,8 @@ pub(crate) struct ObservationHeader {
     pub(crate) station: u16,
     /// 30 bits, the meaning of which depends on the system.
     pub(crate) epoch_time: u64,
+    /// Another message of the same epoch and station follows; some programs do not set it.
+    pub(crate) more_follows: bool,
 }
 
 impl ObservationHeader {
@@ -31,12 +33,13 @@ impl ObservationHeader {
             let time = reader.take(layout.time_bits());
             // GLONASS: the day is left out, which in a multiple signal message is day 7.
             let epoch_time = time | if layout.system == System::Glonass { 7 << 27 } else { 0 };
-            let header = Self { system: layout.system, station, epoch_time };
+            let more_follows = reader.take(1) == 1;
+            let header = Self { system: layout.system, station, epoch_time, more_follows };
             return reader.is_whole().then_some(header);
         }
         let msm = msm::Header::read(message)?;
-        let (system, station, epoch_time) = (msm.system, msm.station, msm.epoch_time);
-        Some(Self { system, station, epoch_time })
+        let msm::Header { system, station, epoch_time, more_follows, .. } = msm;
+        Some(Self { system, station, epoch_time, more_follows })
     }
 }
 

@@ -160,8 +160,10 @@ pub fn position_file(bytes: &[u8]) {
     let source = || Source::new(Cursor::new(bytes.to_vec()), "any").ok();
     // An error is one of the outcomes; what counts is what was given out before it.
     let _ = source().map(|mut source| csv::read(&mut source, &names, &mut damage, check));
-    let _ = source()
-        .map(|mut source| nmea::read(&mut source, 1, Some((2024, 5, 1)), &mut damage, check));
+    for accept_no_checksum in [false, true] {
+        let options = nmea::NmeaOptions { date: Some((2024, 5, 1)), accept_no_checksum };
+        let _ = source().map(|mut source| nmea::read(&mut source, 1, options, &mut damage, check));
+    }
 }
 
 /// Reads any text as a tracking data message.

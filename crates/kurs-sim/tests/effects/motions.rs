@@ -8,7 +8,7 @@ use kurs_sim::scenario::{MotionPlan, Place};
 use kurs_sim::simulation::{Attachments, BodyTruth};
 use nalgebra::Vector3;
 
-use super::scene::{PLACE, Run, by_signal, level_m, moving, rms, roof, run};
+use super::scene::{PLACE, Run, assert_sd, by_signal, level_m, moving, rms, roof, run};
 
 fn truths(run: &Run) -> Vec<&BodyTruth> {
     run.epochs.iter().map(|epoch| &epoch.bodies[0].truth).collect()
@@ -212,4 +212,20 @@ fn a_recorded_motion_goes_through_its_rows() {
         assert!((attitude.pitch_rad.to_degrees() - row.angles_deg[1]).abs() < 1e-7);
         assert!((attitude.roll_rad.to_degrees() - row.angles_deg[2]).abs() < 1e-7);
     }
+}
+
+/// The true places of the antennas are off from the surveyed ones by their standard deviation in every
+/// coordinate, in every session by another amount, and stay so throughout it.
+#[test]
+fn surveys_err_once() {
+    let mut errors_m = Vec::new();
+    for seed in 0..150 {
+        let run = roof(|scenario| (scenario.seed, scenario.array_sd_m) = (seed, 0.005));
+        let baselines = run.epochs.iter().map(|epoch| epoch.bodies[0].truth.baselines_m[0].xyz());
+        let baselines: Vec<Vector3<f64>> = baselines.collect();
+        assert!(baselines.iter().all(|b| (b - baselines[0]).norm() < 1e-6), "{baselines:?}");
+        // Heading east.
+        errors_m.extend((baselines[0] - Vector3::new(0.0, 1.5, 0.0)).iter().copied());
+    }
+    assert_sd("survey", rms(errors_m.iter().copied()), 0.005 * 2f64.sqrt(), errors_m.len());
 }

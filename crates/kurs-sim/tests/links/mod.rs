@@ -3,10 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use kurs::frames::Geodetic;
 use kurs::signal::{Satellite, Signal};
 use kurs_sim::scenario::{Law, Scenario};
 use kurs_sim::simulation::{Attachments, BodyEpoch, SimulatedEpoch, Simulation};
+
+use crate::solving::sky::elevation_rad;
 
 /// A phase is off if it is by more than this against another antenna's, cycles.
 const OFF_CYCLES: f64 = 0.15;
@@ -34,8 +35,9 @@ impl Links {
         while let (Some(with), Some(without)) = (with.next(), without.next()) {
             for antenna in 1..with.len() {
                 for key in with[antenna].keys() {
-                    let pair = Link::between(antenna, key, &with, &without);
-                    pair.map(|link| of_pairs.entry(antenna).or_default().push(link));
+                    if let Some(link) = Link::between(antenna, key, &with, &without) {
+                        of_pairs.entry(antenna).or_default().push(link);
+                    }
                 }
             }
         }
@@ -146,7 +148,8 @@ impl Phases {
         let observed = body.observed.antennas[antenna].as_ref().unwrap();
         let phase = |satellite, signal, phase_cycles: f64, cn0_dbhz| {
             let whole = self.cycles[&(name.clone(), satellite, signal)];
-            let elevation_deg = self.elevation_deg(body, satellite);
+            let elevation_deg =
+                elevation_rad(&self.simulation, &body.truth, satellite).to_degrees();
             Phase { cycles: phase_cycles - whole as f64, cn0_dbhz, elevation_deg }
         };
         let observations = observed.observations.iter();
@@ -155,13 +158,5 @@ impl Phases {
             ((o.satellite, o.signal), phase)
         };
         observations.map(of).collect()
-    }
-
-    fn elevation_deg(&self, body: &BodyEpoch, satellite: Satellite) -> f64 {
-        let store = &self.simulation.navigation().ephemerides;
-        let state = store.state(satellite, body.truth.time).unwrap();
-        let to_ned = Geodetic::from_ecef(body.truth.position_m).ned_from_ecef();
-        let sight = (to_ned * (state.position_m - body.truth.position_m)).direction().xyz();
-        (-sight.z).asin().to_degrees()
     }
 }

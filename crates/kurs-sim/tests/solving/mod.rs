@@ -3,6 +3,7 @@
 #![allow(dead_code)] // every user needs a part
 
 pub(crate) mod figures;
+pub(crate) mod sky;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -34,6 +34,14 @@ pub struct Direction {
     pub cost_gap: Option<f64>,
 }
 
+impl Direction {
+    /// Standard deviation to the side where it is least certain, rad.
+    #[must_use]
+    pub fn max_sd_rad(&self) -> f64 {
+        self.covariance_rad2.symmetric_eigenvalues().max().max(0.0).sqrt()
+    }
+}
+
 impl AttitudeProblem {
     /// Where the body axis `axis` (a unit vector along the line of the antennas) points.
     ///

@@ -181,7 +181,7 @@ mod tests {
         /// Along the body the line is heading and pitch; how the body rolls does not touch them.
         #[test]
         fn a_line_along_the_body(
-            heading_rad in 0.0..6.28f64, pitch_rad in -1.2..1.2f64, roll_rad in -1.0..1.0f64,
+            heading_rad in 0.0..core::f64::consts::TAU, pitch_rad in -1.2..1.2f64, roll_rad in -1.0..1.0f64,
         ) {
             let attitude = Attitude { heading_rad, pitch_rad, roll_rad };
             let found = estimate([1.0, 0.0, 0.0], &attitude);

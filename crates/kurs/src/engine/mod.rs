@@ -84,6 +84,11 @@ impl Engine {
         &mut self.navigation
     }
 
+    /// Takes in navigation data that were received after all others: they count from the next epoch on.
+    pub fn insert(&mut self, news: &NavigationData) {
+        self.navigation.update(news);
+    }
+
     /// Attitude, baselines and position of one epoch.
     pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
         self.push_predicted(epoch, None)

@@ -54,7 +54,7 @@ impl Estimator {
         row.ratio = fix.found.as_ref().ok().map(|found| found.ratio);
         row.residual_rms_m = fix.conditional.as_ref().map(|c| c.residual_rms_m);
         row.baselines = fixed.baselines.local(&epoch.frame.horizon, judged.status);
-        row.attitude = judged.oriented.orientation.attitude.clone().ok();
+        row.attitude = judged.oriented.orientation.attitude.ok();
         if self.settings.residuals {
             let found = fix.found.as_ref().ok();
             let sure = found.filter(|_| fix.is_sure());

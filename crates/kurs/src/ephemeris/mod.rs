@@ -6,6 +6,7 @@
 //!
 //! A record is checked when it is made ([`BadEphemeris`]), so that its evaluation cannot fail.
 
+mod as_received;
 mod glonass;
 mod group_delay;
 mod kepler;
@@ -16,6 +17,7 @@ mod sample;
 mod store;
 mod utc;
 
+pub use as_received::AsReceived;
 pub use glonass::{GlonassElements, GlonassEphemeris};
 pub use group_delay::precise_clock_signals;
 pub use kepler::{BadEphemeris, KeplerElements, KeplerEphemeris, Message};

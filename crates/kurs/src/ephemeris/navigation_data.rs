@@ -19,6 +19,30 @@ pub struct NavigationData {
     pub leap_seconds: Option<i32>,
 }
 
+impl NavigationData {
+    /// Takes in what was received later than all the rest: newer parameters take the place of older
+    /// ones, and ephemerides that no time from now on can use are forgotten, so that a session may go
+    /// on for ever.
+    pub fn update(&mut self, news: &Self) {
+        self.ephemerides.update(&news.ephemerides);
+        let (ionosphere, newer) = (&mut self.ionosphere, &news.ionosphere);
+        ionosphere.gps = newer.gps.or(ionosphere.gps);
+        ionosphere.beidou = newer.beidou.or(ionosphere.beidou);
+        ionosphere.qzss = newer.qzss.or(ionosphere.qzss);
+        ionosphere.galileo = newer.galileo.or(ionosphere.galileo);
+        for parameters in &news.utc {
+            self.utc.retain(|old| old.system != parameters.system);
+            self.utc.push(*parameters);
+        }
+        for offset in &news.time_offsets {
+            let pair = |o: &SystemTimeOffset| (o.minuend, o.subtrahend);
+            self.time_offsets.retain(|old| pair(old) != pair(offset));
+            self.time_offsets.push(*offset);
+        }
+        self.leap_seconds = news.leap_seconds.or(self.leap_seconds);
+    }
+}
+
 /// Broadcast models of the ionosphere; of each the last one read.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct IonosphereParameters {
@@ -69,4 +93,61 @@ pub struct SystemTimeOffset {
     pub drift: f64,
     /// Reference time.
     pub reference_time: GpsTime,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn newer_parameters_take_the_place_of_older_ones_and_nothing_else_goes() {
+        let model = |a| Some(Klobuchar { alpha: [a; 4], beta: [a; 4] });
+        let utc = |system, bias_s| UtcParameters {
+            system,
+            bias_s,
+            drift: 0.0,
+            reference_time: GpsTime::default(),
+        };
+        let offset = |subtrahend, bias_s| SystemTimeOffset {
+            minuend: System::Gps,
+            subtrahend,
+            bias_s,
+            drift: 0.0,
+            reference_time: GpsTime::default(),
+        };
+        let mut data = NavigationData {
+            ionosphere: IonosphereParameters {
+                gps: model(1.0),
+                beidou: model(2.0),
+                qzss: model(3.0),
+                galileo: Some([4.0; 3]),
+            },
+            utc: vec![utc(System::Gps, 1.0), utc(System::Galileo, 2.0)],
+            time_offsets: vec![offset(System::Galileo, 1.0), offset(System::Glonass, 2.0)],
+            leap_seconds: Some(17),
+            ..NavigationData::default()
+        };
+        let before = data.clone();
+        data.update(&NavigationData::default());
+        assert_eq!(data, before);
+
+        let news = NavigationData {
+            ionosphere: IonosphereParameters {
+                gps: model(5.0),
+                beidou: model(6.0),
+                qzss: model(7.0),
+                galileo: Some([8.0; 3]),
+            },
+            utc: vec![utc(System::Gps, 3.0)],
+            time_offsets: vec![offset(System::Galileo, 3.0)],
+            leap_seconds: Some(18),
+            ..NavigationData::default()
+        };
+        data.update(&news);
+        assert_eq!(data.ionosphere, news.ionosphere);
+        assert_eq!(data.utc, [utc(System::Galileo, 2.0), utc(System::Gps, 3.0)]);
+        let offsets = [offset(System::Glonass, 2.0), offset(System::Galileo, 3.0)];
+        assert_eq!(data.time_offsets, offsets);
+        assert_eq!(data.leap_seconds, Some(18));
+    }
 }

@@ -214,6 +214,25 @@ impl EphemerisStore {
         self.records.insert(ephemeris.key(), ephemeris);
     }
 
+    /// Adds the records of `news`, of the time after all others, and forgets those whose interval of use
+    /// has ended by then; precise orbits are not touched.
+    pub(super) fn update(&mut self, news: &Self) {
+        for record in news.iter() {
+            let (satellite, message, now, _) = record.key();
+            let from = (satellite, message, START_OF_TIME, START_OF_TIME);
+            let until = (satellite, message, now, START_OF_TIME);
+            let outdated =
+                |old: &Ephemeris| old.reference_time() + *old.interval_of_use_s().end() < now;
+            let old = self.records.range(from..until).filter(|(_, old)| outdated(old));
+            let old: Vec<Key> = old.map(|(key, _)| *key).collect();
+            old.iter().for_each(|key| {
+                self.records.remove(key);
+            });
+            self.insert(*record);
+        }
+        self.glonass_channels.extend(&news.glonass_channels);
+    }
+
     /// Adds a node of a precise orbit.
     pub fn insert_precise(&mut self, satellite: Satellite, node: PreciseNode) {
         self.precise.insert(satellite, node);
@@ -553,5 +572,29 @@ mod tests {
         assert_eq!(delay, Some(0.0));
         assert_eq!((store.len(), store.is_empty()), (1, false));
         assert_eq!(store.iter().next().map(Ephemeris::satellite), Some(satellite));
+    }
+
+    /// A record of GPS may be used until two hours after its reference time.
+    #[test]
+    fn what_a_newer_record_leaves_behind_is_forgotten() {
+        let other = KeplerElements { satellite: Satellite::new(System::Gps, 16), ..gps() };
+        let mut known = store(&[gps(), shifted(gps(), 7200.0), other]);
+        known.insert_glonass_channel(5, -4);
+        let mut news = store(&[shifted(gps(), 9200.0)]);
+        news.insert_glonass_channel(6, 2);
+        known.update(&news);
+        let times: Vec<(u8, f64)> = known
+            .iter()
+            .map(|record| {
+                (record.satellite().number, record.reference_time() - gps().reference_time)
+            })
+            .collect();
+        assert_eq!(times, [(15, 7200.0), (15, 9200.0), (16, 0.0)]);
+        let channel = |number| known.glonass_channel(Satellite::new(System::Glonass, number));
+        assert_eq!([5, 6].map(channel), [Some(-4), Some(2)]);
+
+        let mut known = store(&[gps()]);
+        known.update(&store(&[shifted(gps(), 7200.0)]));
+        assert_eq!(known.len(), 2, "usable at the very end of its interval");
     }
 }

@@ -682,3 +682,70 @@ fn at(time_s: f64, sample: &ImuSample) -> InertialSample {
     let rate_radps = sample.rate_radps.unwrap_or(Vector::new(f64::NAN, 0.0, 0.0));
     InertialSample { time_s, rate_radps, specific_force_mps2: sample.specific_force_mps2 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::EARTH_RATE_RADPS;
+    use crate::fusion::kalman::Gate;
+
+    /// A body at rest, north on the equator, with an attitude each second whose noise averages and
+    /// whose installation does not: after a hundred of them the noise is far below one row's, and the
+    /// installation all there.
+    #[test]
+    fn the_installation_does_not_average() {
+        let (noise_rad2, installation_rad2) = (1e-6, 4e-6);
+        let inertial = InertialSettings {
+            gyro_noise: 1e-6,
+            gyro_bias_sd_radps: 1e-6,
+            gyro_bias_walk: 1e-9,
+            accelerometer_noise: 1e-3,
+            accelerometer_bias_sd_mps2: 0.02,
+            accelerometer_bias_walk: 1e-5,
+            unknown_acceleration: 1.0,
+            gate: Gate::Innovation { sigmas: 5.0 },
+        };
+        let mut session = AttitudeSession::new(AttitudeSessionSettings {
+            inertial,
+            use_float: true,
+            velocity_sd_mps: None,
+            lever_arm_m: Vector::new(0.0, 0.0, 0.0),
+            correlation_s: 0.0,
+            first_angle_sd_rad: 0.1,
+            place: Some(Geodetic::from_degrees(0.0, 0.0, 0.0)),
+            order_window_s: 0.0,
+            smooth: true,
+        });
+        let level = Attitude { heading_rad: 0.0, pitch_rad: 0.0, roll_rad: 0.0 }.ned_from_body();
+        let total = Matrix3::identity() * (noise_rad2 + installation_rad2);
+        let attitude = AttitudeEstimate::full(level, &total)
+            .with_installation(&(Matrix3::identity() * installation_rad2));
+        let mut last = None;
+        for second in 0..100 {
+            let time = GpsTime::from_week_tow(2300, f64::from(second)).unwrap();
+            session
+                .push_row(EpochSolution {
+                    status: Status::Fixed,
+                    reason: None,
+                    attitude: Some(attitude),
+                    ..EpochSolution::lost(time, Reason::Ratio)
+                })
+                .unwrap();
+            let sample = ImuSample {
+                rate_radps: Some(Vector::new(EARTH_RATE_RADPS, 0.0, 0.0)),
+                specific_force_mps2: None,
+                saturated: false,
+            };
+            session.push_sample(f64::from(second) + 0.5, sample).unwrap();
+            last = session.next_row().or(last);
+        }
+        let smoothed = session.into_smoothed();
+        let middle = smoothed[50].attitude.unwrap();
+        for found in [last.unwrap().solution.attitude.unwrap(), middle] {
+            let heading_rad2 = found.covariance_rad2[(0, 0)];
+            let left_rad2 = heading_rad2 - installation_rad2;
+            assert!((1e-9..noise_rad2 / 5.0).contains(&left_rad2), "{heading_rad2}");
+            assert_eq!(found.installation_rad2[(0, 0)], installation_rad2);
+        }
+    }
+}

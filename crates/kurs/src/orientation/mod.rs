@@ -8,6 +8,7 @@
 
 pub mod consistency;
 pub mod geometry;
+pub mod lengths;
 pub mod survey;
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -24,6 +25,7 @@ use crate::solution::{
 };
 use crate::time::GpsTime;
 use consistency::{Fit, FitKind, NoFit};
+use lengths::Length;
 
 /// Epochs from which the factor on the standard deviations is found.
 const MAX_EPOCHS_FOR_FACTOR: usize = 5000;
@@ -37,6 +39,9 @@ pub struct AntennaFix {
     pub position_m: Vector<Ecef>,
     /// Standard deviations north, east, down, m.
     pub sd_ned_m: [f64; 3],
+    /// Why the receiver's own solution is less than one with integers; `None` if it is one, or nothing
+    /// is said.
+    pub doubt: Option<Reason>,
 }
 
 /// Coordinates of one time.
@@ -72,7 +77,7 @@ pub struct Settings {
     pub max_tilt_rad: f64,
     /// For antennas on one line: how far the angle that they cannot see may be from zero (1 sigma).
     pub roll_sd_rad: f64,
-    /// Angles less certain than this are left out.
+    /// Angles less certain than this are left out; a row whose coordinates cause it is not fixed.
     pub max_angle_sd_rad: f64,
     /// Points of the body that are wanted in the outside frame.
     pub points_m: Vec<Vector<Body>>,
@@ -106,6 +111,7 @@ struct LocalPoint {
     antenna: usize,
     point: MeasuredPoint,
     covariance_m2: Matrix3<f64>,
+    doubt: Option<Reason>,
 }
 
 impl Orienter {
@@ -130,6 +136,14 @@ impl Orienter {
         let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
         let points = local.map(|local| local.points.iter().map(|p| p.point).collect());
         Some(consistency::variance_factor(points)?.sqrt())
+    }
+
+    /// The lengths between the antennas as measured and as known, of every pair that is there together.
+    #[must_use]
+    pub fn lengths(&self, epochs: &[PositionEpoch]) -> Vec<Length> {
+        let step = epochs.len().div_ceil(MAX_EPOCHS_FOR_FACTOR).max(1);
+        let local = epochs.iter().step_by(step).filter_map(|epoch| self.local(epoch));
+        lengths::of(local.map(|local| local.points.iter().map(|p| (p.antenna, p.point)).collect()))
     }
 
     /// What the orienter remembers from row to row, at the beginning.
@@ -195,7 +209,12 @@ impl Orienter {
                 measured_m: (ned_from_ecef * (fix.position_m - first.position_m)).xyz(),
                 information: Matrix3::from_diagonal(&variances.map(|v| 1.0 / (v + array_variance))),
             };
-            LocalPoint { antenna, point, covariance_m2: Matrix3::from_diagonal(&variances) }
+            LocalPoint {
+                antenna,
+                point,
+                covariance_m2: Matrix3::from_diagonal(&variances),
+                doubt: fix.doubt,
+            }
         });
         Some(LocalEpoch { anchor, anchor_m: first.position_m, points: points.collect() })
     }
@@ -211,12 +230,14 @@ impl Orienter {
         let used = |index: usize| fit.excluded != Some(index);
         row.antennas = local.points.len() - usize::from(fit.excluded.is_some());
         row.residual_rms_m = Some(fit.residual_rms_m);
-        (row.status, row.reason) = (Status::Fixed, None);
-        row.baselines =
-            baselines(
-                local,
-                |index| if used(index) { Status::Fixed } else { Status::Inconsistent },
-            );
+        let mut used_points = local.points.iter().enumerate().filter(|(index, _)| used(*index));
+        row.reason = used_points.find_map(|(_, point)| point.doubt);
+        row.status = if row.reason.is_none() { Status::Fixed } else { Status::Float };
+        row.baselines = baselines(local, |index| match (used(index), local.points[index].doubt) {
+            (false, _) => Status::Inconsistent,
+            (true, None) => Status::Fixed,
+            (true, Some(_)) => Status::Float,
+        });
 
         let points = local.points.iter().enumerate();
         let points: Vec<LocalPoint> =
@@ -251,7 +272,17 @@ impl Orienter {
         if tilt.into_iter().flatten().any(|angle| angle.abs() > self.settings.max_tilt_rad) {
             return refuse(row, Reason::Tilt);
         }
-        row.attitude = Some(attitude.certain_to(self.settings.max_angle_sd_rad));
+        let max_sd_rad = self.settings.max_angle_sd_rad;
+        let certain = attitude.certain_to(max_sd_rad);
+        let is_weak = match &fit.kind {
+            // How uncertain the turn about the line is says nothing about the coordinates.
+            FitKind::Line { direction, .. } => direction.max_sd_rad() > max_sd_rad,
+            FitKind::Body { .. } => certain != attitude,
+        };
+        if is_weak && row.status == Status::Fixed {
+            (row.status, row.reason) = (Status::Float, Some(Reason::WeakModel));
+        }
+        row.attitude = Some(certain);
         if let (FitKind::Body { minimum, normal }, Some(rotation)) =
             (&fit.kind, attitude.ned_from_body)
         {

@@ -54,11 +54,15 @@ impl Survey {
         let mut antennas = vec![None; self.antennas];
         let unknown_sd = [0.0; 3];
         for baseline in &row.baselines {
-            antennas[baseline.base] =
-                Some(AntennaFix { position_m: position.position_m, sd_ned_m: unknown_sd });
+            antennas[baseline.base] = Some(AntennaFix {
+                position_m: position.position_m,
+                sd_ned_m: unknown_sd,
+                doubt: None,
+            });
             antennas[baseline.rover] = Some(AntennaFix {
                 position_m: position.position_m + ecef_from_enu * baseline.baseline_m,
                 sd_ned_m: unknown_sd,
+                doubt: None,
             });
         }
         self.epochs.push(PositionEpoch { time: row.time, antennas });

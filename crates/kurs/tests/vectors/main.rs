@@ -11,12 +11,14 @@ mod attitude;
 mod baseline;
 mod case;
 mod filter;
+#[path = "../../../../tests/outside.rs"]
+mod outside;
 mod three_point;
 mod trajectory;
 
+use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::{env, fs};
+use std::path::PathBuf;
 
 use case::Outcome;
 use serde_json::Value;
@@ -38,10 +40,7 @@ const KINDS: [(&str, &str, Option<Check>); 7] = [
 
 #[test]
 fn every_case_of_every_file() {
-    let Some(files) = vector_files() else {
-        println!("skipped: no vectors");
-        return;
-    };
+    let Some(files) = vector_files() else { return };
     let mut failed = 0;
     for (key, kind, check) in KINDS {
         let cases: Vec<(String, &Value)> =
@@ -125,9 +124,7 @@ fn unknown_kinds(file: &str, value: &Value) -> usize {
 
 /// Name and content of every JSON file in the folder, sorted; `None` if there is no such folder.
 fn vector_files() -> Option<Vec<(String, Value)>> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/vectors");
-    let folder = env::var_os("KURS_VECTORS").map_or(default, PathBuf::from);
-    let mut paths: Vec<PathBuf> = fs::read_dir(folder)
+    let mut paths: Vec<PathBuf> = fs::read_dir(outside::vectors()?)
         .ok()?
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "json"))

@@ -90,6 +90,13 @@ pub(super) enum RowsFrom<'a> {
 }
 
 impl AntennasConfig {
+    /// The file that is given, whichever it is.
+    pub(super) fn file(&self) -> Result<&Path, UsageError> {
+        self.rows_from().map(|from| match from {
+            RowsFrom::Attitudes(file) | RowsFrom::Observations(file) => file,
+        })
+    }
+
     /// The one file that is given.
     pub(super) fn rows_from(&self) -> Result<RowsFrom<'_>, UsageError> {
         match (&self.attitude, &self.solve) {

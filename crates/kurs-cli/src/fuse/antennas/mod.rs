@@ -8,7 +8,6 @@ mod source;
 
 use std::fmt;
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -17,7 +16,9 @@ use kurs::fusion::attitude_session::AttitudeSession;
 use super::Args;
 use super::imu::Sensor;
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::interrupt::Watch;
+use crate::output::OutputFolder;
 use crate::truth::Truth;
 use config::Config;
 use rows::{Inputs, Rows};
@@ -25,7 +26,7 @@ use source::Source;
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
+    let config: Config = config_file::read_with(&args.config, &args.set, "filter")?;
     if args.write_inputs.is_some() {
         let text =
             "--write-inputs is for [simulate]; a car with antennas and sensor: kurs simulate";
@@ -33,35 +34,46 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let folder = args.config.parent().unwrap_or(Path::new(""));
     config.check()?;
+    let inputs =
+        [args.config.clone(), folder.join(config.antennas.file()?), folder.join(&config.imu.file)];
+    let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let mut sensor = Sensor::open(folder, &config.imu)?;
     let settings = config.session(sensor.has_gyro_bias());
     let smooth = settings.smooth;
-    let mut source = Source::open(folder, &config.antennas, config.output.interval_s, args.quiet)?;
+    let mut source =
+        Source::open(folder, &config.antennas, config.output.interval_s, args.window, args.quiet)?;
     let truth = args.truth.as_ref().map(|path| Truth::read(path, &[])).transpose()?;
-    let mut rows = Rows::create(&args.out, truth, smooth, source.antenna_names())?;
+    let mut rows =
+        Rows::create(outputs.path(), truth, smooth, source.antenna_names(), args.report)?;
 
     let started = Instant::now();
+    let watch = Watch::begin();
     let mut session = AttitudeSession::new(settings);
-    let too_late = fuse(&mut session, &mut source, &mut sensor, &mut rows)?;
+    let too_late = fuse(&mut session, &mut source, &mut sensor, &mut rows, &watch)?;
     if smooth {
         rows.write_smoothed(session)?;
     }
     let (of_antennas, mut damage) = source.finish();
     damage.extend_from_slice(sensor.damage());
-    let inputs = Inputs {
+    let from = Inputs {
+        files: &inputs,
+        is_interrupted: watch.was_interrupted(),
         configuration: format!("{config:?}{of_antennas}"),
         damage: &damage,
         too_late,
         wall_s: started.elapsed().as_secs_f64(),
     };
-    let finished = rows.finish(&args.out, &inputs)?;
-    if !args.quiet {
+    let finished = rows.finish(outputs.path(), &from)?;
+    outputs.publish()?;
+    if args.json {
+        println!("{}", std::fs::read_to_string(args.out.join("summary.json"))?);
+    } else if !args.quiet {
         println!("{}", finished.text);
         damage.iter().take(1).for_each(|d| println!("{} damaged places, first: {d}", damage.len()));
         println!("written to {}", args.out.display());
     }
     if finished.has_solution {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(watch.status(ExitCode::SUCCESS));
     }
     bail!("no row has an attitude to start from: fixed or float with a standard deviation")
 }
@@ -72,11 +84,15 @@ fn fuse(
     source: &mut Source,
     sensor: &mut Sensor,
     rows: &mut Rows,
+    watch: &Watch,
 ) -> anyhow::Result<usize> {
     let mut too_late = 0;
     let mut antennas = Span::default();
     let mut samples = Span::default();
     while let Some(time) = source.next_time()? {
+        if watch.asks_to_end() {
+            break;
+        }
         let time_s = session.seconds(time);
         antennas.take(time_s);
         while let Some((at_s, sample)) = sensor.next_before(time_s) {
@@ -88,8 +104,9 @@ fn fuse(
         }
         too_late += usize::from(source.feed(session, sensor.peek()).is_err());
     }
-    // A little further: the sample that covers the last row.
-    while let Some((at_s, sample)) = sensor.next_before(f64::INFINITY) {
+    // A little further: the sample that covers the last row; of an interrupted run not all that follow.
+    let end_s = if watch.was_interrupted() { antennas.last_s } else { f64::INFINITY };
+    while let Some((at_s, sample)) = sensor.next_before(end_s) {
         samples.take(at_s);
         too_late += usize::from(session.push_sample(at_s, sample).is_err());
         while let Some(fused) = session.next_row() {

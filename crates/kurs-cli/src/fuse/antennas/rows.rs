@@ -1,7 +1,7 @@
 //! What `kurs fuse` writes for antennas and an inertial sensor: `attitude.csv` and `smoothed.csv` with
 //! the columns of `kurs solve`, `health.csv`, `summary.json`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
 use kurs::solution::{PredictionRole, Status};
@@ -9,7 +9,9 @@ use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
 use crate::fuse::events::{self, EventLog};
+use crate::fuse::words;
 use crate::output;
+use crate::report::Report;
 use crate::summary::{Damage, Summary, SummaryFile};
 use crate::table::{Table, TableFormat};
 use crate::tables::{AttitudeTable, TimeColumns};
@@ -46,11 +48,15 @@ pub(super) struct Rows {
     total: Total,
     /// Whether the antennas' epochs are solved here, with what the filter predicts.
     is_predicted: bool,
+    report: Option<Report>,
     events: EventLog,
 }
 
 /// What went in, for the summary.
 pub(super) struct Inputs<'a> {
+    pub(super) files: &'a [PathBuf],
+    /// The run ended before them.
+    pub(super) is_interrupted: bool,
     pub(super) configuration: String,
     pub(super) damage: &'a [Damage],
     pub(super) too_late: usize,
@@ -108,6 +114,7 @@ impl Rows {
         truth: Option<Truth>,
         smooth: bool,
         antennas: Vec<String>,
+        with_report: bool,
     ) -> anyhow::Result<Self> {
         let format = TableFormat::Csv;
         let smoothed = smooth.then(|| AttitudeTable::create(directory, "smoothed", format));
@@ -120,6 +127,7 @@ impl Rows {
             filtered_agreement: Agreement::default(),
             smoothed_agreement: Agreement::default(),
             is_predicted: !antennas.is_empty(),
+            report: with_report.then(|| Report::new(vec!["body".to_owned()], &[])),
             summary: Summary::new(antennas),
             total: Total::default(),
             events: EventLog::default(),
@@ -136,6 +144,9 @@ impl Rows {
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
+        }
+        if let Some(report) = &mut self.report {
+            report.add(solution, self.truth.as_ref().and_then(|truth| truth.at(solution.time)));
         }
         self.events.tell(&row.events);
         Ok(())
@@ -174,7 +185,14 @@ impl Rows {
     /// Ends the tables.
     pub(super) fn finish(mut self, directory: &Path, inputs: &Inputs) -> anyhow::Result<Finished> {
         self.total.too_late = inputs.too_late;
+        if inputs.is_interrupted {
+            self.summary.interrupt();
+        }
         let finished = Finished { has_solution: self.summary.has_solution(), text: self.text() };
+        if let Some(report) = &self.report {
+            let title = "Kurs: antennas and inertial sensor";
+            report.write(directory, &words(title, &self.summary, inputs.files))?;
+        }
         let summary = FusionSummary {
             rows: self.summary.file(&inputs.configuration, inputs.damage, inputs.wall_s),
             filter: self.total.with_means(),
@@ -182,10 +200,10 @@ impl Rows {
             truth: self.filtered_agreement.summary(),
             truth_smoothed: self.smoothed_agreement.summary(),
         };
-        output::write_json(directory, "summary.json", &summary)?;
         self.attitude.finish()?;
         self.smoothed.map_or(Ok(()), AttitudeTable::finish)?;
         self.health.finish()?;
+        output::write_json(directory, "summary.json", &summary)?;
         Ok(finished)
     }
 

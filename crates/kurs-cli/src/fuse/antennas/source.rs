@@ -15,11 +15,12 @@ use kurs::time::GpsTime;
 use super::config::{AntennasConfig, RowsFrom};
 use super::solved_rows;
 use crate::failure::UsageError;
-use crate::progress::Progress;
+use crate::progress::{Progress, Work};
 use crate::solve::config::{self, Loaded, Overrides};
 use crate::solve::streams::Streams;
 use crate::solve::{self, Input};
 use crate::summary::Damage;
+use crate::window::Window;
 
 /// Pauses of the antennas are filled with rows up to this length, s.
 const LONGEST_FILLED_S: f64 = 3600.0;
@@ -63,11 +64,13 @@ impl Source {
         folder: &Path,
         antennas: &AntennasConfig,
         interval_s: Option<f64>,
+        window: Window,
         quiet: bool,
     ) -> anyhow::Result<Self> {
         match antennas.rows_from()? {
             RowsFrom::Attitudes(file) => {
-                let (rows, damage) = solved_rows::read(&folder.join(file))?;
+                let (mut rows, damage) = solved_rows::read(&folder.join(file))?;
+                rows.retain(|row| window.contains(row.time));
                 if antennas.latitude_deg.is_none() && rows.iter().all(|r| r.position.is_none()) {
                     let text = "antennas.latitude_deg: the attitude file has no positions, so it must be given";
                     return Err(UsageError(text.to_owned()).into());
@@ -77,7 +80,7 @@ impl Source {
                 Ok(Self { kind, interval_s, next: None, last: None, damage })
             }
             RowsFrom::Observations(file) => {
-                let (observed, damage) = Observed::open(&folder.join(file), quiet)?;
+                let (observed, damage) = Observed::open(&folder.join(file), window, quiet)?;
                 let kind = Kind::Observed(Box::new(observed));
                 Ok(Self { kind, interval_s, next: None, last: None, damage })
             }
@@ -117,8 +120,10 @@ impl Source {
         match (next, &mut self.kind) {
             (Next::Row(row), _) => session.push_row(*row),
             (Next::Epoch(_), Kind::Observed(chain)) => {
+                let news = chain.streams.news(&chain.epoch);
+                news.iter().for_each(|news| chain.engine.insert(news));
                 let row = session.solve(&chain.epoch, &mut chain.engine, sample);
-                chain.progress.epoch(row.status == Status::Fixed);
+                chain.progress.epoch(row.status == Status::Fixed, || chain.streams.share());
                 session.push_row(row)
             }
             (Next::Epoch(_), Kind::Solved(_)) => Ok(()),
@@ -166,8 +171,8 @@ impl Next {
 }
 
 impl Observed {
-    fn open(file: &Path, quiet: bool) -> anyhow::Result<(Self, Vec<Damage>)> {
-        let loaded = config::load(Some(file), &Overrides::default())?;
+    fn open(file: &Path, window: Window, quiet: bool) -> anyhow::Result<(Self, Vec<Damage>)> {
+        let loaded = config::load(Some(file), &Overrides { window, ..Overrides::default() })?;
         let settings = loaded.settings()?;
         let Input { navigation, streams, phase_centers, damage } = Input::open(&loaded)?;
         if streams.antennas_with_epochs() < 2 {
@@ -178,7 +183,7 @@ impl Observed {
         }
         let engine = solve::engine(&loaded, settings, navigation, phase_centers.mounts)
             .with_context(|| file.display().to_string())?;
-        let progress = Progress::start(quiet);
+        let progress = Progress::start(quiet, Work::SOLVE);
         Ok((Self { engine, streams, epoch: ArrayEpoch::default(), loaded, progress }, damage))
     }
 }

@@ -1,6 +1,6 @@
 //! The configuration of `kurs fuse`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use kurs::fusion::arm::{RotatingArm, Triad};
 use kurs::fusion::arm_filter::{Drift, Settings};
@@ -251,6 +251,14 @@ impl Default for SimulateConfig {
 }
 
 impl Config {
+    /// The configuration itself and every file that it names.
+    pub(super) fn inputs(&self, configuration: &Path) -> Vec<PathBuf> {
+        let folder = configuration.parent().unwrap_or(Path::new(""));
+        let navigation = self.nav.iter().flat_map(|nav| &nav.files);
+        let named = self.receiver.obs.iter().chain(navigation).chain(&self.accelerometer.file);
+        [configuration.to_owned()].into_iter().chain(named.map(|file| folder.join(file))).collect()
+    }
+
     /// The session that the configuration describes.
     pub(super) fn session(&self) -> Result<SessionSettings, UsageError> {
         self.check()?;

@@ -6,7 +6,6 @@ mod rows;
 mod simulated;
 
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -15,19 +14,25 @@ use kurs::observation::AntennaEpoch;
 
 use super::Args;
 use crate::config_file;
-use crate::failure::UsageError;
+use crate::failure::{ExitCode, UsageError};
+use crate::interrupt::Watch;
+use crate::output::OutputFolder;
 use crate::summary::Damage;
 use crate::truth::Truth;
+use crate::window::Window;
 use config::Config;
 use input::Input;
-use rows::Rows;
+use rows::{Inputs, Rows};
+use simulated::TRUTH;
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let config: Config = config_file::read(&args.config)?;
+    let config: Config = config_file::read_with(&args.config, &args.set, "filter")?;
     let settings = config.session()?;
     let folder = args.config.parent().unwrap_or(Path::new(""));
     let mut truth = args.truth.clone();
+    let inputs = config.inputs(&args.config);
+    let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let mut input = match (&config.simulate, &config.nav) {
         (Some(simulate), None) => {
             let recording = simulated::recording(&config, simulate, &settings.filter)?;
@@ -36,8 +41,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 println!("next: kurs fuse {}", made.display());
                 return Ok(ExitCode::SUCCESS);
             }
-            simulated::write_truth(&args.out, recording.clone())?;
-            truth.get_or_insert_with(|| args.out.join(simulated::TRUTH));
+            simulated::write_truth(outputs.path(), recording.clone())?;
+            truth.get_or_insert_with(|| outputs.path().join(TRUTH));
             Input::simulated(folder, &config, recording)?
         }
         (None, Some(nav)) => Input::open(folder, &config, nav)?,
@@ -48,19 +53,30 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     input.refuse_other_units(&settings.filter.arm)?;
     let truth = truth.map(|path| Truth::read(&path, &[])).transpose()?;
-    let mut rows = Rows::create(&args.out, truth)?;
+    let mut rows = Rows::create(outputs.path(), truth, args.report)?;
     let started = Instant::now();
+    let watch = Watch::begin();
     let session = ArmSession::new(settings, input.navigation.clone());
-    let (damage, too_late) = fuse(session, input, &mut rows)?;
-    let wall_s = started.elapsed().as_secs_f64();
-    let finished = rows.finish(&args.out, &format!("{config:?}"), &damage, too_late, wall_s)?;
-    if !args.quiet {
+    let (damage, too_late) = fuse(session, input, &mut rows, &args.window, &watch)?;
+    let from = Inputs {
+        files: &inputs,
+        is_interrupted: watch.was_interrupted(),
+        configuration: format!("{config:?}"),
+        damage: &damage,
+        too_late,
+        wall_s: started.elapsed().as_secs_f64(),
+    };
+    let finished = rows.finish(outputs.path(), &from)?;
+    outputs.publish()?;
+    if args.json {
+        println!("{}", std::fs::read_to_string(args.out.join("summary.json"))?);
+    } else if !args.quiet {
         println!("{}", finished.text);
         damage.iter().take(1).for_each(|d| println!("{} damaged places, first: {d}", damage.len()));
         println!("written to {}", args.out.display());
     }
     match (finished.has_solution, finished.main_reason) {
-        (true, _) => Ok(ExitCode::SUCCESS),
+        (true, _) => Ok(watch.status(ExitCode::SUCCESS)),
         (false, Some(word)) => bail!("every epoch is lost, mostly because of `{word}`"),
         (false, None) => bail!("no epoch in any observation file"),
     }
@@ -72,10 +88,15 @@ fn fuse(
     mut session: ArmSession,
     mut input: Input,
     rows: &mut Rows,
+    window: &Window,
+    watch: &Watch,
 ) -> anyhow::Result<(Vec<Damage>, usize)> {
     let mut epoch = AntennaEpoch::default();
     let mut too_late = 0;
-    while input.next_epoch(&mut epoch)? {
+    while !watch.asks_to_end() && input.next_epoch(&mut epoch)? {
+        if !window.contains(epoch.time) {
+            continue;
+        }
         let time_s = session.seconds(epoch.time);
         while let Some((at_s, sample)) = input.next_sample_before(time_s) {
             too_late += usize::from(session.push_sample(at_s, sample).is_err());
@@ -84,7 +105,8 @@ fn fuse(
         too_late += usize::from(session.push_epoch(std::mem::take(&mut epoch)).is_err());
         write_ready(rows, || session.next_row())?;
     }
-    while let Some((at_s, sample)) = input.next_sample_before(f64::INFINITY) {
+    let end_s = if watch.was_interrupted() { 0.0 } else { f64::INFINITY };
+    while let Some((at_s, sample)) = input.next_sample_before(end_s) {
         too_late += usize::from(session.push_sample(at_s, sample).is_err());
     }
     write_ready(rows, || session.last_row())?;

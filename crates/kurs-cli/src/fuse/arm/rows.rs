@@ -1,6 +1,6 @@
 //! What `kurs fuse` writes: `attitude.csv` as `kurs solve` does, `health.csv`, `summary.json`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use kurs::fusion::arm_filter::{Health, Tally};
 use kurs::fusion::arm_session::SessionRow;
@@ -9,7 +9,9 @@ use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
 use crate::fuse::events::{self, EventLog};
+use crate::fuse::words;
 use crate::output;
+use crate::report::Report;
 use crate::summary::{Damage, Summary};
 use crate::table::{Table, TableFormat};
 use crate::tables::{AttitudeTable, TimeColumns};
@@ -39,7 +41,19 @@ pub(super) struct Rows {
     agreement: Agreement,
     summary: Summary,
     total: Health,
+    report: Option<Report>,
     events: EventLog,
+}
+
+/// What went in, for the summary.
+pub(super) struct Inputs<'a> {
+    pub(super) files: &'a [PathBuf],
+    /// The run ended before them.
+    pub(super) is_interrupted: bool,
+    pub(super) configuration: String,
+    pub(super) damage: &'a [Damage],
+    pub(super) too_late: usize,
+    pub(super) wall_s: f64,
 }
 
 /// What stands in `summary.json` besides the summary of the rows.
@@ -71,7 +85,11 @@ struct TallySummary {
 }
 
 impl Rows {
-    pub(super) fn create(directory: &Path, truth: Option<Truth>) -> anyhow::Result<Self> {
+    pub(super) fn create(
+        directory: &Path,
+        truth: Option<Truth>,
+        with_report: bool,
+    ) -> anyhow::Result<Self> {
         Ok(Self {
             attitude: AttitudeTable::create(directory, "attitude", TableFormat::Csv)?,
             health: Table::create(directory, "health", TableFormat::Csv, HEALTH)?,
@@ -79,6 +97,7 @@ impl Rows {
             agreement: Agreement::default(),
             summary: Summary::new(Vec::new()),
             total: Health::default(),
+            report: with_report.then(|| Report::new(vec!["body".to_owned()], &[])),
             events: EventLog::default(),
         })
     }
@@ -93,6 +112,9 @@ impl Rows {
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.agreement.add(solution, truth);
+        }
+        if let Some(report) = &mut self.report {
+            report.add(solution, self.truth.as_ref().and_then(|truth| truth.at(solution.time)));
         }
         self.events.tell(&row.events);
         Ok(())
@@ -115,34 +137,38 @@ impl Rows {
 
     /// Ends the tables; `false` if no row has an attitude.
     pub(super) fn finish(
-        self,
+        mut self,
         directory: &Path,
-        configuration: &str,
-        damage: &[Damage],
-        too_late: usize,
-        wall_s: f64,
+        inputs: &Inputs<'_>,
     ) -> anyhow::Result<Finished> {
+        if inputs.is_interrupted {
+            self.summary.interrupt();
+        }
         let filter = FilterSummary {
             gnss: TallySummary::of(&self.total.gnss),
             accelerometer: TallySummary::of(&self.total.accelerometer),
             saturated: self.total.saturated,
             unusable: self.total.unusable,
-            too_late,
+            too_late: inputs.too_late,
         };
         let finished = Finished {
             has_solution: self.summary.has_solution(),
             main_reason: self.summary.main_reason(),
             text: text(&self.summary, &filter, &self.agreement),
         };
+        if let Some(report) = &self.report {
+            let title = "Kurs: one antenna and accelerometers on a rotating arm";
+            report.write(directory, &words(title, &self.summary, inputs.files))?;
+        }
         let summary = FusionSummary {
-            rows: self.summary.file(configuration, damage, wall_s),
+            rows: self.summary.file(&inputs.configuration, inputs.damage, inputs.wall_s),
             filter,
             events: self.events.texts(),
             truth: self.agreement.summary(),
         };
-        output::write_json(directory, "summary.json", &summary)?;
         self.attitude.finish()?;
         self.health.finish()?;
+        output::write_json(directory, "summary.json", &summary)?;
         Ok(finished)
     }
 }

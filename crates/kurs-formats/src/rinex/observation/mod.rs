@@ -134,6 +134,12 @@ impl ObservationReader {
         self.epochs.raw.lines.source().name()
     }
 
+    /// Bytes of the file that were read so far.
+    #[must_use]
+    pub fn bytes_read(&self) -> u64 {
+        self.epochs.raw.lines.source().bytes_read()
+    }
+
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the file.
     ///
     /// # Errors

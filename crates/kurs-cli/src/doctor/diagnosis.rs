@@ -1,0 +1,79 @@
+//! From the trials to findings, the most telling first. What follows from a finding is none itself.
+
+use kurs::solution::Status;
+
+use super::patient::{Finding, Patient};
+use super::reasons;
+use super::sample::Sample;
+use super::trials::Trials;
+use super::usage::UsageRow;
+use super::{WELL, causes, presence, shape};
+use crate::integers::Integers;
+use crate::summary::Damage;
+
+/// Everything that is to be said.
+pub(super) fn findings(
+    patient: &Patient<'_>,
+    sample: &Sample,
+    trials: &Trials,
+    signals: &[UsageRow],
+    integers: &Integers,
+    damage: &[Damage],
+) -> Vec<Finding> {
+    let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
+    if fixed_of_session(sample, trials) < WELL {
+        let times = patient.times(sample, trials);
+        let are_together = times.is_none();
+        all.extend(times);
+        all.extend(presence::gaps(sample));
+        all.extend(patient.ephemerides(sample, trials));
+        let bands = patient.bands(sample);
+        let has_bands = bands.is_none();
+        all.extend(bands);
+        let shape = shape::wrong(patient, sample, trials);
+        let is_misshapen = shape.is_some();
+        all.extend(shape);
+        // A wrong shape spoils the integers, and with them what follows from them.
+        if !is_misshapen {
+            all.extend(patient.system(trials));
+            all.extend(patient.band_or_links(trials, sample));
+        }
+        if are_together {
+            all.extend(patient.idle_antenna(trials));
+        }
+        all.extend(patient.antenna(trials));
+        all.extend(causes::phases(signals));
+        all.extend(patient.noise(trials, is_misshapen));
+        if has_bands {
+            all.extend(patient.satellites(trials));
+        }
+        if all.is_empty() {
+            all.extend(patient.strength(trials));
+        }
+        if all.is_empty() {
+            all.extend(unexplained(sample, trials, integers));
+        }
+        all.extend(patient.unused_bands(sample));
+    }
+    all.extend(presence::broken_files(damage));
+    all
+}
+
+/// Share of the session's epochs that are fixed, gaps included.
+pub(super) fn fixed_of_session(sample: &Sample, trials: &Trials) -> f64 {
+    let there = sample.session.epochs() - sample.session.missing();
+    let share = there as f64 / sample.session.epochs().max(1) as f64;
+    share * trials.configured.share(Status::Fixed)
+}
+
+/// By the most frequent reason alone.
+fn unexplained(sample: &Sample, trials: &Trials, integers: &Integers) -> Option<Finding> {
+    let reasons = trials.configured.reasons();
+    let (word, count) = reasons.iter().max_by_key(|(_, count)| **count)?;
+    let of = sample.epochs.len();
+    let mut evidence = format!("`{word}` in {count} of {of} epochs, and no trial fixes more");
+    if let Some(check) = integers.sentence_of(word) {
+        evidence = format!("{evidence}; {check}");
+    }
+    Some(reasons::unexplained(word, evidence))
+}

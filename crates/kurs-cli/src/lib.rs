@@ -1,0 +1,122 @@
+//! The program `kurs` as a library with one function, [`run`]: one file per subcommand, and what they share: configuration files
+//! ([`config_file`]), outputs that are never half written ([`output`]) and exit statuses
+//! ([`failure`]).
+
+#![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
+
+mod calibrate;
+mod chart;
+mod completions;
+mod config_file;
+mod copies;
+mod demo;
+mod doctor;
+mod failure;
+mod fuse;
+mod init;
+mod inspect;
+mod integers;
+mod interrupt;
+mod live;
+mod map_files;
+mod orient;
+mod output;
+mod page;
+mod pipe;
+mod plan;
+mod progress;
+mod quality;
+mod report;
+mod sensor_log;
+mod session_span;
+mod simulate;
+mod solve;
+mod summary;
+mod survey;
+mod table;
+mod tables;
+mod track;
+mod truth;
+mod window;
+
+use std::ffi::OsString;
+
+use clap::Parser;
+
+use failure::ExitCode;
+
+/// Heading, pitch and roll from the raw signals of several GNSS antennas.
+#[derive(Debug, Parser)]
+#[command(name = "kurs", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Solve(Box<solve::Args>),
+    Live(live::Args),
+    Init(init::Args),
+    Simulate(simulate::Args),
+    Demo(demo::Args),
+    Orient(orient::Args),
+    Plan(Box<plan::Args>),
+    Track(track::Args),
+    Calibrate(calibrate::Args),
+    Fuse(fuse::Args),
+    Survey(survey::Args),
+    Doctor(doctor::Args),
+    Inspect(inspect::Args),
+    Completions(completions::CompletionsArgs),
+    Man(completions::ManArgs),
+}
+
+/// Runs the program with these arguments, of which the first is the program's name, and gives its exit
+/// status: 0 done; 1 the input could not be used; 2 wrong usage or configuration.
+///
+/// Results go to standard output and to files, messages to standard error.
+pub fn run(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
+    interrupt::catch();
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        // Also `--help` and `--version`, which are no failures.
+        Err(told) => {
+            let _ = told.print();
+            return u8::try_from(told.exit_code()).unwrap_or(2);
+        }
+    };
+    failure::exit_code(cli.command.run()).number()
+}
+
+impl Command {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        match self {
+            Self::Solve(args) => solve::run(&args),
+            Self::Live(args) => live::run(&args),
+            Self::Init(args) => init::run(&args),
+            Self::Simulate(args) => simulate::run(&args),
+            Self::Demo(args) => demo::run(&args),
+            Self::Orient(args) => orient::run(&args),
+            Self::Plan(args) => plan::run(&args),
+            Self::Track(args) => track::run(&args),
+            Self::Calibrate(args) => calibrate::run(&args),
+            Self::Survey(args) => survey::run(&args),
+            Self::Doctor(args) => doctor::run(&args),
+            Self::Inspect(args) => inspect::run(&args),
+            Self::Fuse(args) => fuse::run(&args),
+            Self::Completions(args) => completions::completions(&args),
+            Self::Man(args) => completions::man(&args),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn callers_get_the_exit_status_as_a_number() {
+        assert_eq!(super::run(["kurs", "--version"]), 0);
+        assert_eq!(super::run(["kurs", "solve"]), 2);
+        assert_eq!(super::run(["kurs", "inspect", "/no/such/file"]), 1);
+    }
+}

@@ -1,0 +1,57 @@
+//! The rows of a service in one folder for every day (GPST) of its epochs.
+
+use std::path::{Path, PathBuf};
+
+use kurs::solution::EpochSolution;
+
+use crate::solve::antenna_names;
+use crate::solve::config::Loaded;
+use crate::tables::Tables;
+
+/// See the module; a service that begins again on the same day goes on with its files.
+pub(super) struct DayTables {
+    directory: PathBuf,
+    antennas: Vec<String>,
+    points: Vec<String>,
+    has_station: bool,
+    /// Day and tables.
+    open: Option<(String, Tables)>,
+}
+
+impl DayTables {
+    pub(super) fn new(directory: &Path, loaded: &Loaded) -> Self {
+        Self {
+            directory: directory.to_owned(),
+            antennas: antenna_names(loaded),
+            points: loaded.config.point.iter().map(|point| point.name.clone()).collect(),
+            has_station: loaded.config.station.is_some(),
+            open: None,
+        }
+    }
+
+    /// Writes the rows of an epoch and hands them on to the system.
+    pub(super) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
+        let date = row.time.calendar();
+        let day = format!("{:04}-{:02}-{:02}", date.year, date.month, date.day);
+        if self.open.as_ref().is_none_or(|(open, _)| *open != day) {
+            let before = self.open.take().map(|(_, tables)| tables.into_turn_rate());
+            let tables = Tables::append(
+                &self.directory.join(&day),
+                self.antennas.clone(),
+                self.points.clone(),
+                self.has_station,
+                before.unwrap_or_default(),
+            )?;
+            self.open = Some((day, tables));
+        }
+        let written = self.open.as_mut().map_or(Ok(()), |(_, tables)| {
+            tables.write(row)?;
+            tables.flush()
+        });
+        if written.is_err() {
+            // What is left in its buffers may be part of a row: it is cut off when it is opened again.
+            self.open = None;
+        }
+        written
+    }
+}

@@ -1,0 +1,115 @@
+//! What leaves by the outputs: one message for a row.
+
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use kurs::solution::{EpochSolution, Status};
+use kurs::turn_rate::AngleRates;
+use kurs_formats::nmea;
+use kurs_live::{Encode, Times, gps_time};
+use serde_json::{Map, Value};
+
+use crate::solve::config::{OutputTable, Profile};
+use crate::table::{Table, TableFormat};
+use crate::tables::{self, ATTITUDE, TimeColumns};
+
+/// The encoder of an output.
+pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
+    let float = output.float;
+    let body = body.to_owned();
+    match output.profile {
+        Profile::Marine => Arc::new(|row, rates, _| {
+            let mut text = String::new();
+            nmea::encode(nmea::Profile::Marine, row, *rates, &mut text);
+            Some(text.into_bytes())
+        }),
+        Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, float, TableFormat::Csv)),
+        Profile::Jsonl => {
+            Arc::new(move |row, rates, times| json_line(row, rates, times, float, &body))
+        }
+    }
+}
+
+/// The position as a GGA sentence.
+pub(super) fn gga(row: &EpochSolution) -> Option<String> {
+    row.position.map(|_| nmea::gga(row))
+}
+
+/// The row without angles and rates that are not to leave.
+fn line(
+    row: &EpochSolution,
+    rates: &AngleRates,
+    float: bool,
+    format: TableFormat,
+) -> Option<Vec<u8>> {
+    let leaves = row.status == Status::Fixed || float && row.status == Status::Float;
+    let rates = if leaves { *rates } else { [None; 3] };
+    let row = EpochSolution { attitude: row.attitude.filter(|_| leaves), ..row.clone() };
+    let mut table = Table::in_memory(format, ATTITUDE);
+    tables::write_attitude(&mut table, &TimeColumns::new(row.time), &row, &rates).ok()?;
+    Some(table.into_text())
+}
+
+/// The row, and whose it is and how old.
+fn json_line(
+    row: &EpochSolution,
+    rates: &AngleRates,
+    times: &Times,
+    float: bool,
+    body: &str,
+) -> Option<Vec<u8>> {
+    let mut text = line(row, rates, float, TableFormat::Jsonl)?;
+    let mut more = Map::new();
+    let mut add = |name: &str, value: Value| more.insert(name.to_owned(), value);
+    add("body", body.into());
+    add("measured_gpst", row.time.calendar().iso(3).into());
+    add("last_byte_in_utc", utc(times.last_byte_utc).into());
+    add("row_out_utc", utc(times.row_out_utc).into());
+    let age_s = gps_time(times.row_out_utc) - row.time;
+    add("age_s", ((age_s * 1e4).round() / 1e4).into());
+    let more = serde_json::to_string(&more).ok()?;
+    // `{…}` and a line end become one object with the other.
+    text.truncate(text.len().checked_sub(2)?);
+    text.push(b',');
+    text.extend_from_slice(&more.as_bytes()[1..]);
+    text.push(b'\n');
+    Some(text)
+}
+
+fn utc(time: SystemTime) -> String {
+    format!("{}Z", gps_time(time).utc().iso(6))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kurs::solution::Reason;
+    use kurs::time::GpsTime;
+    use std::time::{Duration, Instant, UNIX_EPOCH};
+
+    /// 2026-11-29 00:00:20.5 UTC is 00:00:38.5 GPST.
+    #[test]
+    fn a_json_line_has_the_row_and_three_times() {
+        let time = GpsTime::from_week_tow(2447, 38.25).unwrap();
+        let row = EpochSolution::lost(time, Reason::FewAntennas);
+        let utc = UNIX_EPOCH + Duration::from_secs(20_786 * 86_400 + 20);
+        let times = Times {
+            first_byte: Instant::now(),
+            last_byte: Instant::now(),
+            last_byte_utc: utc + Duration::from_millis(450),
+            row_out: Instant::now(),
+            row_out_utc: utc + Duration::from_millis(500),
+        };
+        let text = json_line(&row, &[None; 3], &times, false, "ferry \"Ada\"").unwrap();
+        assert!(text.ends_with(b"}\n"));
+        let value: Value = serde_json::from_slice(&text).unwrap();
+        assert_eq!(value["status"], "lost");
+        assert_eq!(value["body"], "ferry \"Ada\"");
+        assert_eq!(value["measured_gpst"], "2026-11-29T00:00:38.250");
+        assert_eq!(value["last_byte_in_utc"], "2026-11-29T00:00:20.450000Z");
+        assert_eq!(value["row_out_utc"], "2026-11-29T00:00:20.500000Z");
+        assert_eq!(value["age_s"], 0.25);
+        assert_eq!(value["heading_deg"], Value::Null);
+        assert_eq!(value.as_object().unwrap().len(), ATTITUDE.len() + 5);
+    }
+}

@@ -1,0 +1,80 @@
+//! `-` and pipes as input: what can be read only once is copied to a temporary file, for its content is
+//! looked at before it is read.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::Context;
+use kurs_formats::source::can_be_read_again;
+
+use crate::output::Temporary;
+
+/// The word for standard input.
+pub(crate) const STANDARD_INPUT: &str = "-";
+
+/// A file that can be read again and again: the one that was given, or the copy of what came through a
+/// pipe, which lives as long as this.
+#[derive(Debug, Clone)]
+pub(crate) struct InputFile {
+    path: PathBuf,
+    #[allow(dead_code)] // removes the copy when it is dropped
+    copy: Option<Arc<Temporary>>,
+}
+
+impl InputFile {
+    /// A file as it is; a copy of standard input (`-`) and of other pipes.
+    pub(crate) fn open(path: &Path) -> anyhow::Result<Self> {
+        let is_input = path.as_os_str() == STANDARD_INPUT;
+        if !is_input && can_be_read_again(path) {
+            return Ok(Self { path: path.to_owned(), copy: None });
+        }
+        let copied = if is_input {
+            copy(&mut io::stdin().lock(), "input")
+        } else {
+            File::open(path).and_then(|mut pipe| copy(&mut pipe, "pipe"))
+        };
+        copied.with_context(|| format!("{}: cannot be read", path.display()))
+    }
+
+    /// All of them.
+    pub(crate) fn open_all(paths: &[PathBuf]) -> anyhow::Result<Vec<Self>> {
+        paths.iter().map(|path| Self::open(path)).collect()
+    }
+
+    /// Where it can be read.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// Copies a pipe to a temporary file, `stem` with a number, in a folder of its own.
+fn copy(pipe: &mut impl io::Read, stem: &str) -> io::Result<InputFile> {
+    static COUNT: AtomicUsize = AtomicUsize::new(1);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let folder = std::env::temp_dir().join(format!("kurs-{}-{count}", std::process::id()));
+    fs::create_dir(&folder)?;
+    let path = folder.join(format!("{stem}{count}"));
+    let copy = Some(Arc::new(Temporary::new(folder)));
+    io::copy(pipe, &mut File::create(&path)?)?;
+    Ok(InputFile { path, copy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_lives_as_long_as_it_is_used() {
+        let file = copy(&mut &b"observations"[..], "pipe").unwrap();
+        let path = file.path().to_owned();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "observations");
+        let other = file.clone();
+        drop(file);
+        assert!(path.exists());
+        drop(other);
+        assert!(!path.exists() && !path.parent().unwrap().exists());
+    }
+}

@@ -1,0 +1,111 @@
+//! What the observations of a working configuration tell a plan: place, bands, noise, heading, time.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use kurs::engine::Settings;
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Geodetic;
+use kurs::signal::{Band, Signal, System};
+use kurs::solution::{EpochSolution, SignalResidual, Status};
+use kurs::time::GpsTime;
+
+use crate::doctor::sample::Sample;
+use crate::solve::config::{self, Overrides};
+use crate::solve::{self, Input};
+
+/// Epochs that are solved.
+const MAX_EPOCHS: usize = 100;
+/// Mean resultant length of headings that are one heading: a spread of about 30°.
+const MIN_RESULTANT: f64 = 0.87;
+/// Redundancy from which residuals tell a noise level.
+const MIN_REDUNDANCY: f64 = 50.0;
+
+/// What was found; `None` where the observations do not tell.
+#[derive(Debug)]
+pub(super) struct Session {
+    pub(super) navigation: NavigationData,
+    pub(super) start: Option<GpsTime>,
+    pub(super) place: Option<Geodetic>,
+    pub(super) heading_deg: Option<f64>,
+    pub(super) bands: BTreeSet<Band>,
+    /// Of one antenna at the zenith.
+    pub(super) code_sd_m: Option<f64>,
+    pub(super) phase_sd_m: Option<f64>,
+}
+
+impl Session {
+    /// Solves a sample of the session of this configuration; `nav` in place of its navigation files.
+    pub(super) fn read(configuration: &Path, nav: &[PathBuf]) -> anyhow::Result<Self> {
+        let overrides = Overrides { nav, ..Overrides::default() };
+        let loaded = config::load(Some(configuration), &overrides)?;
+        let settings = Settings { residuals: true, ..loaded.settings()? };
+        let Input { navigation, mut streams, phase_centers, .. } = Input::open(&loaded)?;
+        let sample = Sample::take(&mut streams, MAX_EPOCHS)?;
+        let bands =
+            sample.shared_bands().into_iter().filter(|band| settings.wants(*band)).collect();
+        let mut engine =
+            solve::engine(&loaded, settings, navigation.clone(), phase_centers.mounts)?;
+        let rows: Vec<EpochSolution> =
+            sample.epochs.iter().map(|epoch| engine.push(epoch, None)).collect();
+        let places: Vec<Geodetic> =
+            rows.iter().filter_map(|row| row.position.map(|p| p.geodetic)).collect();
+        Ok(Self {
+            navigation,
+            start: sample.session.first(),
+            place: places.get(places.len() / 2).copied(),
+            heading_deg: heading_deg(&rows).map(|heading_deg| rounded(heading_deg, 10.0)),
+            bands,
+            code_sd_m: zenith_sd_m(&rows, |residual| residual.code_m, 0.0)
+                .map(|sd_m| rounded(sd_m, 1e3)),
+            // Each epoch takes three coordinates of every baseline from the phases.
+            phase_sd_m: zenith_sd_m(&rows, |residual| residual.phase_m, 3.0)
+                .map(|sd_m| rounded(sd_m, 1e4)),
+        })
+    }
+}
+
+/// To as many digits as mean something.
+fn rounded(value: f64, per_unit: f64) -> f64 {
+    (value * per_unit).round() / per_unit
+}
+
+/// The heading of a body that keeps one.
+fn heading_deg(rows: &[EpochSolution]) -> Option<f64> {
+    let fixed = rows.iter().filter(|row| row.status == Status::Fixed);
+    let headings: Vec<f64> = fixed.filter_map(|row| row.attitude?.heading_rad).collect();
+    let (north, east) =
+        headings.iter().fold((0.0, 0.0), |(n, e), rad| (n + rad.cos(), e + rad.sin()));
+    let is_one = f64::hypot(north, east) > MIN_RESULTANT * headings.len() as f64;
+    is_one.then(|| east.atan2(north).to_degrees().rem_euclid(360.0))
+}
+
+/// Standard deviation of one observation of one antenna, taken to the zenith, from the residuals of the
+/// fixed epochs.
+///
+/// Double differences of `N` observations of `m` antennas in `g` groups of one signal have
+/// `N (m − 1)/m − g (m − 1)` redundant ones, less the coordinates that were estimated from them; the
+/// squares of all residuals add up to that many variances.
+fn zenith_sd_m(
+    rows: &[EpochSolution],
+    of: impl Fn(&SignalResidual) -> Option<f64>,
+    coordinates: f64,
+) -> Option<f64> {
+    let (mut squares_m2, mut redundancy) = (0.0, 0.0);
+    for row in rows.iter().filter(|row| row.status == Status::Fixed) {
+        let mut antennas = BTreeSet::new();
+        let mut groups: BTreeSet<(System, Signal)> = BTreeSet::new();
+        let mut count = 0.0;
+        for residual in &row.residuals {
+            let Some(residual_m) = of(residual) else { continue };
+            squares_m2 += (residual_m * residual.elevation_rad.sin()).powi(2);
+            count += 1.0;
+            antennas.insert(residual.antenna);
+            groups.insert((residual.satellite.system, residual.signal));
+        }
+        let m = antennas.len().max(1) as f64;
+        let baselines = m - 1.0;
+        redundancy += count * baselines / m - (groups.len() as f64 + coordinates) * baselines;
+    }
+    (redundancy > MIN_REDUNDANCY).then(|| (squares_m2 / redundancy).sqrt())
+}

@@ -1,0 +1,480 @@
+//! One command line for all commands: files told by their content, pipes, the part of a session, folders
+//! that are cleared, interruption, a full disk, explanations, completions, formats for other programs.
+#![allow(clippy::unwrap_used)] // tests
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command as Program, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const KURS: &str = env!("CARGO_BIN_EXE_kurs");
+
+/// Two antennas that stand, one minute: bow.rnx, stern.rnx, nav.rnx, kurs.toml, truth.csv.
+const SCENARIO: &str = r#"
+start = "2024-03-10T12:00:00"
+duration_s = 59.0
+interval_s = 1.0
+signals = ["G1C", "G2W", "E1C", "E5Q"]
+[sky]
+systems = ["G", "E"]
+[output]
+formats = ["rinex", "crinex.gz", "ubx"]
+[[body]]
+name = "boat"
+[body.motion]
+kind = "static"
+place = { latitude_deg = 59.9, longitude_deg = 29.7, height_m = 10.0 }
+heading_deg = 280.0
+[[body.antenna]]
+name = "stern"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "bow"
+position_m = [2.0, 0.0, 0.0]
+"#;
+
+/// The same for every test; nothing is written into it.
+fn session() -> &'static Path {
+    static SESSION: OnceLock<TempDir> = OnceLock::new();
+    let folder = SESSION.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scenario.toml"), SCENARIO).unwrap();
+        run(folder.path(), &["simulate", "scenario.toml", "--out", ".", "--quiet"]);
+        folder
+    });
+    folder.path()
+}
+
+/// Runs the program in a folder; its output.
+fn ran(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(KURS).current_dir(folder).args(arguments).output().unwrap()
+}
+
+/// The same where it must be done; standard output.
+fn run(folder: &Path, arguments: &[&str]) -> String {
+    let output = ran(folder, arguments);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {error}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The same where it must fail with this status; standard error.
+fn refused(folder: &Path, status: i32, arguments: &[&str]) -> String {
+    let output = ran(folder, arguments);
+    assert_eq!(output.status.code(), Some(status), "{arguments:?}");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+fn text(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap()
+}
+
+fn json(folder: &Path, name: &str) -> Value {
+    serde_json::from_str(&text(folder, name)).unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// `stern.rnx` … of the session.
+fn file(name: &str) -> String {
+    let found = session().join(name);
+    assert!(found.exists(), "{}: {:?}", found.display(), names(session()));
+    found.display().to_string()
+}
+
+#[test]
+fn files_are_told_by_their_content_in_any_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path();
+    let (stern, bow, nav) = (file("stern.rnx"), file("bow.rnx"), file("nav.rnx"));
+    let solve = |name: &str, files: &[&str]| {
+        let arguments: Vec<&str> =
+            ["solve", "--quiet", "--out", name].iter().chain(files).copied().collect();
+        run(out, &arguments);
+        text(&out.join(name), "attitude.csv")
+    };
+    let usual = solve("usual", &[&stern, &bow, "--nav", &nav]);
+    assert_eq!(usual.lines().count(), 61);
+    assert!(usual.lines().skip(1).all(|row| row.contains(",fixed,")), "{usual}");
+    assert_eq!(solve("first", &["--nav", &nav, &stern, &bow]), usual, "--nav takes what follows");
+    assert_eq!(solve("mixed", &[&nav, &stern, &bow]), usual);
+    // The order of the antennas is that of the files: the first is the origin.
+    let swapped = solve("swapped", &[&bow, &nav, &stern]);
+    let heading = |rows: &str| -> f64 {
+        rows.lines().nth(1).unwrap().split(',').nth(8).unwrap().parse().unwrap()
+    };
+    assert!((heading(&usual) - 280.0).abs() < 1.0 && (heading(&swapped) - 100.0).abs() < 1.0);
+    // Logs bring their ephemerides.
+    solve("logs", &[&file("stern.ubx"), &file("bow.ubx")]);
+    let named = text(&out.join("usual"), "baselines.csv");
+    assert!(named.lines().nth(1).unwrap().contains(",stern,bow,"), "{named}");
+
+    let error = refused(out, 2, &["solve", &stern, &nav]);
+    assert!(
+        error.contains("at least two are needed") && error.contains("antennas: stern"),
+        "{error}"
+    );
+    fs::write(out.join("page.html"), "<!DOCTYPE html><p>log in").unwrap();
+    let error = refused(out, 1, &["solve", &stern, &bow, "page.html"]);
+    assert!(error.contains("page.html: found a web page"), "{error}");
+}
+
+#[test]
+fn a_configuration_is_begun_from_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let (stern, bow, nav) = (file("stern.rnx"), file("bow.crx.gz"), file("nav.rnx"));
+    run(folder.path(), &["init", &nav, &stern, &bow]);
+    let path = "kurs-out/init/kurs.toml";
+    let written = text(folder.path(), path);
+    assert!(written.contains("every 1 s; carrier phases of G1 G2 E1 E5"), "{written}");
+    assert!(written.contains("# bands = [\"G1\", \"G2\", \"E1\", \"E5\"]"), "{written}");
+    run(folder.path(), &["solve", path, "--quiet"]);
+    assert_eq!(json(folder.path(), "kurs-out/solve/summary.json")["fixed"], 60);
+
+    // What it proposes behind a # can be put in force.
+    let in_force: Vec<String> = written
+        .lines()
+        .filter(|line| !line.starts_with("# ") || line.contains(" = ") || line.contains("[["))
+        .map(|line| line.trim_start_matches("# ").to_owned())
+        .collect();
+    let places = in_force.join("\n").replacen("[0.0, 0.0, 0.0]", "[2.0, 0.0, 0.0]", 1);
+    fs::write(folder.path().join("all.toml"), places).unwrap();
+    let explained = run(folder.path(), &["solve", "all.toml", "--explain"]);
+    assert!(explained.contains("point.0.name = \"mast\""), "{explained}");
+
+    let error = refused(folder.path(), 2, &["init", &stern, &bow]);
+    assert!(error.contains("--force replaces it"), "{error}");
+    let printed = run(folder.path(), &["init", &stern, &bow, "--out", "-"]);
+    assert!(printed.contains("# files = [\"brdc.rnx\"]"), "{printed}");
+}
+
+#[test]
+fn pipes_are_inputs_and_outputs() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments =
+        ["solve", "-", &file("bow.rnx"), "--nav", &file("nav.rnx"), "--out", "-", "--quiet"];
+    let output = Command::new(KURS)
+        .current_dir(folder.path())
+        .args(arguments)
+        .pipe_stdin(session().join("stern.rnx"))
+        .unwrap()
+        .output()
+        .unwrap();
+    let rows = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(rows.lines().count(), 61, "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(rows.starts_with("time_gpst,"), "{rows}");
+    assert_eq!(names(folder.path()), [""; 0]);
+
+    let output = Command::new(KURS)
+        .args(["inspect", "-"])
+        .pipe_stdin(session().join("nav.rnx"))
+        .unwrap()
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn only_a_part_of_the_session_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let window = ["--from", "2024-03-10T12:00:10", "--to", "2024-03-10T12:00:40", "--every", "5"];
+    let configuration = file("kurs.toml");
+    let solve: Vec<&str> =
+        ["solve", &configuration, "--quiet"].iter().chain(&window).copied().collect();
+    run(folder.path(), &solve);
+    let rows = text(folder.path(), "kurs-out/solve/attitude.csv");
+    let times: Vec<&str> = rows.lines().skip(1).map(|row| &row[14..19]).collect();
+    assert_eq!(times, ["00:10", "00:15", "00:20", "00:25", "00:30", "00:35", "00:40"]);
+
+    let survey = run(folder.path(), &["survey", &configuration, "--json", "--every", "2"]);
+    let surveyed: Value = serde_json::from_str(&survey).unwrap();
+    assert_eq!(surveyed["fixes"], 30);
+    let error = refused(
+        folder.path(),
+        2,
+        &["solve", &configuration, "--from", "2024-03-10T12:00:10", "--to", "2024-03-10"],
+    );
+    assert!(error.contains("is before --from"), "{error}");
+    let error = refused(folder.path(), 2, &["solve", &configuration, "--from", "noon"]);
+    assert!(error.contains("expected a GPS time such as"), "{error}");
+}
+
+#[test]
+fn every_run_clears_what_an_older_one_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("kurs-out/solve");
+    let configuration = file("kurs.toml");
+    let all = "csv,jsonl,nmea,pos";
+    run(folder.path(), &["solve", &configuration, "--report", "--format", all, "--quiet"]);
+    let everything = [
+        "attitude.csv",
+        "attitude.jsonl",
+        "attitude.nmea",
+        "baseline-stern-bow.pos",
+        "baselines.csv",
+        "baselines.jsonl",
+        "position.pos",
+        "report.html",
+        "summary.json",
+        "track.geojson",
+        "track.kml",
+    ];
+    assert_eq!(names(&out), everything);
+    fs::write(out.join("notes.txt"), "mine").unwrap();
+    run(folder.path(), &["solve", &configuration, "--quiet"]);
+    assert_eq!(names(&out), ["attitude.csv", "baselines.csv", "notes.txt", "summary.json"]);
+    // Of a run that fails nothing is left, and nothing that could be taken for its result.
+    let arguments =
+        ["solve", &file("stern.rnx"), &file("bow.rnx"), &file("nav.rnx"), "--from", "2025-01-01"];
+    let error = refused(folder.path(), 1, &arguments);
+    assert!(error.contains("no epoch"), "{error}");
+    assert_eq!(names(&out), ["notes.txt"]);
+}
+
+#[test]
+fn every_key_has_its_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("boat.toml");
+    let mut body = fs::read_to_string(session().join("kurs.toml")).unwrap();
+    for name in ["stern.rnx", "bow.rnx", "nav.rnx"] {
+        body = body.replace(name, &file(name));
+    }
+    body += "approximate_time = 2024-03-10\n\n[solve]\nelevation_mask_deg = 12.5\n";
+    fs::write(&config, &body).unwrap();
+    let line_of = |text: &str| 1 + body.lines().position(|line| line.starts_with(text)).unwrap();
+    let explained = run(
+        folder.path(),
+        &["solve", "boat.toml", "--nav", &file("nav.rnx"), "--set", "bands=[G1]", "--explain"],
+    );
+    let has = |line: &str| assert!(explained.lines().any(|l| l == line), "{line}\n{explained}");
+    has("solve.bands = [\"G1\"]  [--set]");
+    has("solve.constraint = \"length\"  [default: every antenna has a position]");
+    has("solve.array_sd_m = 0.002  [default]");
+    has(&format!("solve.elevation_mask_deg = 12.5  [boat.toml:{}]", line_of("elevation")));
+    has(&format!("nav.approximate_time = 2024-03-10  [boat.toml:{}]", line_of("approximate")));
+    has(&format!("nav.files = [\"{}\"]  [--nav]", file("nav.rnx")));
+    has(&format!("antenna.0.name = \"stern\"  [boat.toml:{}]", line_of("name = \"stern\"")));
+
+    // As a configuration it says the same.
+    let as_toml =
+        run(folder.path(), &["solve", "boat.toml", "--set", "bands=[G1]", "--explain=toml"]);
+    fs::write(folder.path().join("again.toml"), &as_toml).unwrap();
+    let values = |text: &str| -> Vec<String> {
+        let lines = text.lines().map(|line| line.split("  [").next().unwrap().to_owned());
+        lines.collect()
+    };
+    let again = run(folder.path(), &["solve", "again.toml", "--explain"]);
+    assert_eq!(values(&again), values(&explained));
+}
+
+/// Starts the program, interrupts it once it is at work, and waits for its end.
+#[cfg(unix)]
+fn interrupted(folder: &Path, out: &Path, arguments: &[&str]) -> Output {
+    let child = Program::new(KURS)
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let is_at_work = || {
+        let parts = fs::read_dir(out).into_iter().flatten().flatten();
+        let mut written =
+            parts.filter(|e| e.path().is_dir()).flat_map(|e| fs::read_dir(e.path()).unwrap());
+        written.any(|file| file.unwrap().metadata().is_ok_and(|data| data.len() > 0))
+    };
+    let begun = Instant::now();
+    while !is_at_work() && begun.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let signalled = Program::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(signalled.unwrap().success());
+    child.wait_with_output().unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_is_a_valid_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("kurs-out/simulate");
+    let scenario = file("scenario.toml");
+    let arguments = ["simulate", &scenario, "--set", "duration_s=80000"];
+    let output = interrupted(folder.path(), &out, &arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("interrupted"), "{said}");
+    assert!(names(&out).iter().all(|name| !name.starts_with('.')), "{:?}", names(&out));
+    let simulated = text(&out, "truth.csv").lines().count() - 1;
+    assert!((1..80_000).contains(&simulated), "{simulated}");
+    run(folder.path(), &["simulate", &scenario, "--set", "duration_s=6000", "--quiet"]);
+
+    let out = folder.path().join("kurs-out/solve");
+    let output =
+        interrupted(folder.path(), &out, &["solve", "kurs-out/simulate/kurs.toml", "--report"]);
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary = json(&out, "summary.json");
+    assert_eq!(summary["interrupted"], true);
+    let rows = text(&out, "attitude.csv");
+    assert_eq!(summary["epochs"], rows.lines().count() as u64 - 1);
+    assert!(rows.ends_with('\n') && rows.lines().count() < 6000);
+    let expected = [
+        "attitude.csv",
+        "baselines.csv",
+        "report.html",
+        "summary.json",
+        "track.geojson",
+        "track.kml",
+    ];
+    assert_eq!(names(&out), expected);
+}
+
+/// The limit on the size of files stands for a full disk: a write fails in the middle of a table.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_nothing_half() {
+    let folder = tempfile::tempdir().unwrap();
+    let command =
+        format!("trap '' XFSZ; ulimit -f 16; exec {KURS} solve {} --quiet", file("kurs.toml"));
+    let output =
+        Program::new("sh").current_dir(folder.path()).args(["-c", &command]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("File too large"), "{said}");
+    assert!(!folder.path().join("kurs-out/solve").exists());
+}
+
+#[test]
+fn shells_and_the_manual_know_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = run(folder.path(), &["completions", shell]);
+        assert!(script.contains("calibrate") && script.contains("every"), "{shell}");
+    }
+    run(folder.path(), &["man", "--quiet"]);
+    let pages = names(&folder.path().join("kurs-out/man"));
+    for page in ["kurs.1", "kurs-solve.1", "kurs-init.1", "kurs-calibrate-six-position.1"] {
+        assert!(pages.iter().any(|name| name == page), "{page}: {pages:?}");
+    }
+    let page = text(folder.path(), "kurs-out/man/kurs-solve.1");
+    assert!(page.contains("\\-\\-explain") && page.contains(".SH"), "{page}");
+}
+
+#[test]
+fn reports_say_what_they_are_made_from() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["solve", &file("kurs.toml"), "--report", "--quiet"]);
+    let out = folder.path().join("kurs-out/solve");
+    let page = text(&out, "report.html");
+    for wanted in [
+        "2024-03-10T12:00:00.000 to 2024-03-10T12:00:59.000 GPS time (59 s), every 1 s",
+        &file("stern.rnx"),
+        concat!("kurs ", env!("CARGO_PKG_VERSION")),
+        "\"type\":\"date\"",
+        "class=\"plot time\"",
+        "Heading rate, degrees/s",
+        "\\u003cb\\u003e▲",
+    ] {
+        let found = page.contains(wanted)
+            || page.contains(&wanted.replace("\\u003c", "<").replace("\\u003e", ">"));
+        assert!(found, "{wanted}");
+    }
+    let track = json(&out, "track.geojson");
+    let places = track["features"][0]["geometry"]["coordinates"].as_array().unwrap();
+    assert_eq!(places.len(), 60);
+    assert!((places[0][0].as_f64().unwrap() - 29.7).abs() < 1e-3);
+    assert!(text(&out, "track.kml").contains("<LineString>"));
+}
+
+/// Coordinates through a pipe; the pages of other commands are of the same kind.
+#[test]
+fn coordinates_come_through_a_pipe_and_have_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(session().join("kurs.toml"), folder.path().join("boat.toml")).unwrap();
+    let mut config = text(folder.path(), "boat.toml").split("[nav]").next().unwrap().to_owned();
+    config = config.lines().filter(|line| !line.starts_with("obs")).collect::<Vec<_>>().join("\n");
+    fs::write(folder.path().join("boat.toml"), config).unwrap();
+    // Two metres to the north are 17.95e-6 degrees there.
+    let mut table = String::from("time_gpst,name,latitude_deg,longitude_deg,height_m\n");
+    for second in 0..20 {
+        for (name, latitude) in [("stern", 59.9), ("bow", 59.9 + 17.95e-6)] {
+            table += &format!("2024-03-10T12:00:{second:02},{name},{latitude:.9},29.7,10.0\n");
+        }
+    }
+    let output = Command::new(KURS)
+        .current_dir(folder.path())
+        .args([
+            "orient",
+            "boat.toml",
+            "-",
+            "--report",
+            "--json",
+            "--every",
+            "2",
+            "--set",
+            "sd_down_m=0.03",
+        ])
+        .write_stdin(table)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&summary["epochs"], &summary["interrupted"]), (&10.into(), &false.into()));
+    let out = folder.path().join("kurs-out/orient");
+    let page = text(&out, "report.html");
+    assert!(page.contains("Kurs: attitude from coordinates") && page.contains("every 2 s"));
+    assert_eq!(json(&out, "track.geojson")["features"][0]["geometry"]["type"], "LineString");
+}
+
+/// Counts as RTKPLOT reads them: date, time, coordinates, quality, satellites, eight more.
+#[test]
+fn solutions_are_written_as_rtklib_does() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), &["solve", &file("kurs.toml"), "--format", "pos", "--quiet"]);
+    let out = folder.path().join("kurs-out/solve");
+    let baseline = text(&out, "baseline-stern-bow.pos");
+    let rows: Vec<Vec<&str>> = baseline
+        .lines()
+        .filter(|line| !line.starts_with('%'))
+        .map(|line| line.split_whitespace().collect())
+        .collect();
+    assert_eq!(rows.len(), 60);
+    assert!(rows.iter().all(|row| row.len() == 15 && row[5] == "1"), "{:?}", rows[0]);
+    assert_eq!((rows[0][0], rows[0][1]), ("2024/03/10", "12:00:00.000"));
+    // East and north of two metres towards 280°.
+    let [east, north] = [2, 3].map(|k| rows[0][k].parse::<f64>().unwrap());
+    assert!((east + 1.970).abs() < 0.02 && (north - 0.347).abs() < 0.02, "{east} {north}");
+    let position = text(&out, "position.pos");
+    let row: Vec<&str> = position.lines().last().unwrap().split_whitespace().collect();
+    assert_eq!((row.len(), row[5]), (15, "5"));
+    assert!((row[2].parse::<f64>().unwrap() - 59.9).abs() < 1e-3);
+}
+
+#[test]
+fn the_same_flags_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |command: &[&str]| run(folder.path(), &[command, &["--help"]].concat());
+    for command in ["solve", "survey", "orient", "fuse", "track", "simulate"] {
+        let help = of(&[command]);
+        for flag in ["--set", "--quiet", "--from", "--to", "--every", "--json", "--out"] {
+            assert!(help.contains(flag), "{command} {flag}");
+        }
+    }
+    for command in ["solve", "orient", "fuse", "track"] {
+        assert!(of(&[command]).contains("--report"), "{command}");
+    }
+    let solved: Value =
+        serde_json::from_str(&run(folder.path(), &["solve", &file("kurs.toml"), "--json"]))
+            .unwrap();
+    assert_eq!(solved, json(folder.path(), "kurs-out/solve/summary.json"));
+}

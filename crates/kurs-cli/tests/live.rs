@@ -1,0 +1,779 @@
+//! `kurs live` on simulated logs: its rows are those of `kurs solve`, whatever way the bytes take.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Two antennas at rest, twenty seconds across midnight of GPST, 5 Hz.
+const SCENARIO: &str = r#"
+seed = 5
+start = "2024-03-09T23:59:50"
+duration_s = 20.0
+interval_s = 0.2
+signals = ["G1C", "G2L", "E1C", "E5Q", "C2I"]
+
+[output]
+formats = ["ubx", "rtcm3", "sbf"]
+
+[sky]
+systems = ["G", "E", "C"]
+
+[[body]]
+name = "roof"
+motion = { kind = "static", place = { latitude_deg = 52.0, longitude_deg = 13.0, height_m = 100.0 }, heading_deg = 40.0, pitch_deg = 3.0 }
+[[body.antenna]]
+name = "A0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "A1"
+position_m = [1.2, 0.0, 0.0]
+"#;
+
+const EPOCHS: usize = 101;
+
+fn kurs() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_kurs"))
+}
+
+/// The simulated logs, made once.
+fn logs() -> &'static Path {
+    static LOGS: OnceLock<tempfile::TempDir> = OnceLock::new();
+    LOGS.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = folder.path().join("scenario.toml");
+        fs::write(&scenario, SCENARIO).unwrap();
+        let mut run = kurs();
+        run.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+        assert!(run.status().unwrap().success());
+        folder
+    })
+    .path()
+}
+
+/// The configuration of both antennas, each with a line of its own.
+fn configuration(lines: [&str; 2], more: &str) -> String {
+    let antenna = |index: usize| {
+        let x = 1.2 * index as f64;
+        let line = lines[index];
+        format!("[[antenna]]\nname = \"A{index}\"\n{line}\nposition_m = [{x:.1}, 0.0, 0.0]\n")
+    };
+    // RTCM 3 has no week.
+    let nav = "[nav]\nas_received = true\napproximate_time = 2024-03-10\n";
+    format!("{}{}{nav}{more}", antenna(0), antenna(1))
+}
+
+/// What a run left: the attitude and the baselines, of all days.
+fn rows(out: &Path) -> [String; 2] {
+    ["attitude.csv", "baselines.csv"].map(|name| {
+        let mut days: Vec<PathBuf> =
+            fs::read_dir(out).unwrap().map(|e| e.unwrap().path()).collect();
+        days.sort();
+        let mut text = String::new();
+        for file in days.iter().filter(|day| day.is_dir()).map(|day| day.join(name)) {
+            let day = fs::read_to_string(file).unwrap();
+            let rows = if text.is_empty() { &day } else { day.split_once('\n').unwrap().1 };
+            text.push_str(rows);
+        }
+        text
+    })
+}
+
+/// The rows of `kurs solve` on logs of this format.
+fn solved(folder: &Path, format: &str, ambiguity: &str) -> [String; 2] {
+    let obs = |index: usize| {
+        format!("obs = [\"{}\"]", logs().join(format!("A{index}.{format}")).display())
+    };
+    let solve = format!("[solve]\nambiguity = \"{ambiguity}\"\n");
+    let file = folder.join("solve.toml");
+    fs::write(&file, configuration([&obs(0), &obs(1)], &solve)).unwrap();
+    let out = folder.join("solved");
+    let run = kurs().arg("solve").arg(&file).arg("--quiet").arg("--out").arg(&out).status();
+    assert!(run.unwrap().success());
+    ["attitude.csv", "baselines.csv"].map(|name| fs::read_to_string(out.join(name)).unwrap())
+}
+
+fn assert_same(live: &[String; 2], solved: &[String; 2], what: &str) {
+    for (live, solved) in live.iter().zip(solved) {
+        for (number, (live, solved)) in live.lines().zip(solved.lines()).enumerate() {
+            assert_eq!(live, solved, "{what}, line {number}");
+        }
+        assert_eq!(live.lines().count(), solved.lines().count(), "{what}");
+    }
+    let rows = solved[0].lines().skip(1);
+    assert_eq!(rows.clone().count(), EPOCHS);
+    let fixed = rows.filter(|row| row.contains(",fixed,")).count();
+    assert!(fixed > EPOCHS * 9 / 10, "{what}: {fixed} fixed");
+}
+
+/// A service that runs until it is dropped.
+struct Service {
+    child: Child,
+    out: PathBuf,
+}
+
+impl Service {
+    fn start(folder: &Path, configuration: &str, flags: &[&str]) -> Self {
+        let file = folder.join("live.toml");
+        fs::write(&file, configuration).unwrap();
+        let out = folder.join("live");
+        let mut command = kurs();
+        command.arg("live").arg(&file).args(flags).arg("--out").arg(&out);
+        let child = command.stdout(Stdio::null()).spawn().unwrap();
+        Self { child, out }
+    }
+
+    /// Waits for its end.
+    fn end(mut self, limit: Duration) -> (Option<i32>, PathBuf) {
+        let began = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return (status.code(), self.out.clone());
+            }
+            assert!(began.elapsed() < limit, "the service does not end");
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Waits until something is there.
+fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let began = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "{what} does not come");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A port that is free now.
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// Serves bytes to one client, in pieces of odd sizes with pauses of up to so many milliseconds.
+fn serve(bytes: Vec<u8>, pause_ms: u64) -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut rest = bytes.as_slice();
+        let mut state = u64::from(port);
+        while !rest.is_empty() {
+            // Knuth's multiplier: any sequence will do.
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let length = rest.len().min(1 + (state >> 33) as usize % 3000);
+            let (piece, behind) = rest.split_at(length);
+            if stream.write_all(piece).is_err() {
+                return;
+            }
+            rest = behind;
+            if pause_ms > 0 {
+                thread::sleep(Duration::from_millis((state >> 40) % pause_ms));
+            }
+        }
+    });
+    port
+}
+
+fn log(index: usize, format: &str) -> Vec<u8> {
+    fs::read(logs().join(format!("A{index}.{format}"))).unwrap()
+}
+
+#[test]
+fn a_log_as_fast_as_possible_gives_the_rows_of_solve() {
+    for format in ["ubx", "rtcm3", "sbf"] {
+        for ambiguity in ["instantaneous", "continuous"] {
+            let folder = tempfile::tempdir().unwrap();
+            let stream = |index: usize| {
+                let log = logs().join(format!("A{index}.{format}"));
+                format!("stream = \"file://{}?speed=0\"", log.display())
+            };
+            let solve = format!("[solve]\nambiguity = \"{ambiguity}\"\n");
+            let configuration = configuration([&stream(0), &stream(1)], &solve);
+            let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+            let (status, out) = service.end(Duration::from_secs(120));
+            assert_eq!(status, Some(0));
+            let what = format!("{format} {ambiguity}");
+            assert_same(&rows(&out), &solved(folder.path(), format, ambiguity), &what);
+            let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+            assert!(summary.contains(&format!("\"epochs\": {EPOCHS}")), "{summary}");
+        }
+    }
+}
+
+/// In pieces of any size, with delays between the antennas that the deadline allows.
+#[test]
+fn tcp_gives_the_rows_of_solve() {
+    for format in ["ubx", "rtcm3", "sbf"] {
+        let folder = tempfile::tempdir().unwrap();
+        let ports = [serve(log(0, format), 3), serve(log(1, format), 5)];
+        let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
+        let live = "[live]\ndeadline_ms = 20000\n";
+        let configuration = configuration([&stream(0), &stream(1)], live);
+        let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+        let (status, out) = service.end(Duration::from_secs(120));
+        assert_eq!(status, Some(0));
+        assert_same(&rows(&out), &solved(folder.path(), format, "instantaneous"), format);
+    }
+}
+
+/// The logs at the pace at which they were recorded, four times faster, with JSON lines and sentences
+/// to clients, metrics and health, and a clean stop.
+#[test]
+fn a_paced_log_is_a_service_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let stream = |index: usize| {
+        let log = logs().join(format!("A{index}.ubx"));
+        format!("stream = \"file://{}?speed=4\"", log.display())
+    };
+    let ports = [(); 4].map(|()| free_port());
+    let more = format!(
+        "[live]\nbody = \"roof\"\npage = \"127.0.0.1:{}\"\nstate_dir = \"{}\"\n\
+         [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"jsonl\"\n\
+         [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"marine\"\nrate_hz = 1\n\
+         [[output]]\nto = \"udp://:{}\"\nprofile = \"csv\"\n",
+        ports[0],
+        folder.path().join("state").display(),
+        ports[1],
+        ports[2],
+        ports[3],
+    );
+    let datagrams = std::net::UdpSocket::bind(("127.0.0.1", ports[3])).unwrap();
+    datagrams.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let configuration = configuration([&stream(0), &stream(1)], &more);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let connect =
+        |port: u16| wait_for("the output", || TcpStream::connect(("127.0.0.1", port)).ok());
+    let lines = BufReader::new(connect(ports[1])).lines();
+    let sentences = BufReader::new(connect(ports[2])).lines();
+
+    let mut fixed: Vec<serde_json::Value> = Vec::new();
+    let mut last = String::new();
+    for line in lines.take(60) {
+        let value: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        let time = value["measured_gpst"].as_str().unwrap().to_owned();
+        assert!(time > last, "{time} after {last}: one epoch, one message");
+        last = time;
+        if value["status"] == "fixed" {
+            fixed.push(value);
+        }
+    }
+    assert!(fixed.len() > 50, "{}", fixed.len());
+    for value in &fixed {
+        let heading_deg = value["heading_deg"].as_f64().unwrap();
+        assert!((heading_deg - 40.0).abs() < 2.0, "{value}");
+        assert_eq!(value["body"], "roof");
+    }
+    let groups = sentences.take(24).filter(|line| line.as_ref().unwrap().starts_with("$GNHDT"));
+    assert_eq!(groups.count(), 3, "eight sentences from GGA to XDR once a second of the log");
+    let mut datagram = [0; 2048];
+    let length = datagrams.recv(&mut datagram).unwrap();
+    assert!(std::str::from_utf8(&datagram[..length]).unwrap().starts_with("2024-03-"));
+
+    let metrics = get(ports[0], "/metrics").1;
+    for name in [
+        "kurs_rows_total{status=\"fixed\"}",
+        "kurs_stream_up{stream=\"A1\"} 1",
+        "kurs_latency_seconds_count",
+    ] {
+        assert!(metrics.contains(name), "{name}: {metrics}");
+    }
+    // The logs are over: that is no longer well.
+    let trouble = wait_for("the end of the logs", || {
+        let (status, body) = get(ports[0], "/healthz");
+        (status == 503 && body.contains("no row")).then_some(body)
+    });
+    assert!(trouble.contains("A0 has ended"), "{trouble}");
+
+    service.signal("-TERM");
+    let (status, out) = service.end(Duration::from_secs(10));
+    assert_eq!(status, Some(0));
+    assert_eq!(rows(&out)[0].lines().count(), EPOCHS + 1);
+    assert!(folder.path().join("state/ephemerides.rnx").exists());
+}
+
+/// Status and body of a page.
+fn get(port: u16, path: &str) -> (u16, String) {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: kurs\r\nConnection: close\r\n\r\n").unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    let status = text.split(' ').nth(1).unwrap().parse().unwrap();
+    (status, text.split_once("\r\n\r\n").unwrap().1.to_owned())
+}
+
+#[test]
+fn what_is_wrong_in_a_configuration_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = "stream = \"tcp://127.0.0.1:1\"";
+    for (lines, more, part) in [
+        ([good, "obs = [\"a.ubx\"]"], "", "A1: no `stream`"),
+        ([good, "stream = \"tcp://nowhere\""], "", "HOST:PORT"),
+        ([good, good], "[live]\ndeadline_ms = 0\n", "live.deadline_ms is 0"),
+        ([good, good], "[live]\npage = \"0.0.0.0:80\"\n", "loopback"),
+        ([good, good], "[live]\npages = 1\n", "`pages`"),
+        ([good, good], "[[output]]\nto = \"file://a\"\nprofile = \"csv\"\n", "tcp-listen://"),
+        ([good, good], "[[output]]\nto = \"udp://:1\"\nprofile = \"px5\"\n", "px5"),
+    ] {
+        let file = folder.path().join("live.toml");
+        fs::write(&file, configuration(lines, more)).unwrap();
+        let output =
+            kurs().arg("live").arg(&file).arg("--out").arg(folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(part), "{part}: {said}");
+    }
+}
+
+/// A caster that answers like this and then sends these bytes; it gives back what it was asked.
+fn caster(answer: &'static str, body: Vec<u8>) -> (u16, thread::JoinHandle<String>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let serving = thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut request = String::new();
+        let mut reader = BufReader::new(stream.try_clone().unwrap());
+        while !request.ends_with("\r\n\r\n") {
+            assert!(reader.read_line(&mut request).unwrap() > 0, "{request}");
+        }
+        stream.write_all(answer.as_bytes()).unwrap();
+        let _ = stream.write_all(&body);
+        request
+    });
+    (port, serving)
+}
+
+/// The body of an answer in chunks, one of them a single byte.
+fn chunked(bytes: &[u8]) -> Vec<u8> {
+    let mut body = Vec::new();
+    for piece in [&bytes[..1], &bytes[1..5000], &bytes[5000..]] {
+        body.extend(format!("{:X};x=y\r\n", piece.len()).into_bytes());
+        body.extend(piece);
+        body.extend(b"\r\n");
+    }
+    body.extend(b"0\r\n\r\n");
+    body
+}
+
+#[test]
+fn casters_of_both_versions_give_the_rows_of_solve() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, asked_one) = caster("ICY 200 OK\r\n\r\n", log(0, "rtcm3"));
+    let two = "HTTP/1.1 200 OK\r\nNtrip-Version: Ntrip/2.0\r\nContent-Type: gnss/data\r\n\
+               Transfer-Encoding: chunked\r\n\r\n";
+    let (two, asked_two) = caster(two, chunked(&log(1, "rtcm3")));
+    let streams = [
+        format!("stream = \"ntrip://127.0.0.1:{one}/BOW\""),
+        format!("stream = \"ntrip://me%40home:secret@127.0.0.1:{two}/STERN\""),
+    ];
+    let live = "[live]\ndeadline_ms = 20000\n";
+    let configuration = configuration([&streams[0], &streams[1]], live);
+    let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(120));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &solved(folder.path(), "rtcm3", "instantaneous"), "ntrip");
+    assert!(asked_one.join().unwrap().starts_with("GET /BOW HTTP/1.1\r\n"));
+    let asked = asked_two.join().unwrap();
+    // me@home:secret
+    assert!(asked.contains("Authorization: Basic bWVAaG9tZTpzZWNyZXQ=\r\n"), "{asked}");
+}
+
+/// One refuses the password: it is not asked again, and the other antenna goes on.
+#[test]
+fn a_refused_password_is_final_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (port, _) = caster("HTTP/1.1 401 Unauthorized\r\n\r\n", Vec::new());
+    let streams = [
+        format!("stream = \"ntrip://me:secret@127.0.0.1:{port}/M\""),
+        format!("stream = \"tcp://127.0.0.1:{}\"", serve(log(1, "ubx"), 0)),
+    ];
+    let file = folder.path().join("live.toml");
+    fs::write(&file, configuration([&streams[0], &streams[1]], "")).unwrap();
+    let mut command = kurs();
+    command.arg("live").arg(&file).args(["--once", "--out"]).arg(folder.path().join("live"));
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("the caster refuses the password of me"), "{said}");
+    assert!(!said.contains("secret"), "{said}");
+    assert_eq!(rows(&folder.path().join("live"))[0].lines().count(), EPOCHS + 1);
+}
+
+/// Simulated receivers on ports of their own.
+struct Receivers {
+    child: Child,
+    port: u16,
+}
+
+impl Receivers {
+    fn start(folder: &Path, format: &str, interval_s: f64, speed: &str) -> Self {
+        let scenario = folder.join("scenario.toml");
+        let text = SCENARIO.replace("interval_s = 0.2", &format!("interval_s = {interval_s}"));
+        fs::write(&scenario, text.replace("duration_s = 20.0", "duration_s = 600.0")).unwrap();
+        // Two in a row are needed.
+        let port = (0..)
+            .map(|_| free_port())
+            .find(|port| *port < u16::MAX && TcpListener::bind(("127.0.0.1", port + 1)).is_ok());
+        let port = port.unwrap();
+        let mut command = kurs();
+        command.arg("simulate").arg(&scenario).args(["--quiet", "--stream", &port.to_string()]);
+        command.args(["--stream-format", format, "--speed", speed]);
+        Self { child: command.spawn().unwrap(), port }
+    }
+
+    fn streams(&self) -> [String; 2] {
+        [0, 1].map(|index| format!("stream = \"tcp://127.0.0.1:{}\"", self.port + index))
+    }
+}
+
+impl Drop for Receivers {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Time and status of every row in a file that is being written.
+fn statuses(out: &Path) -> Vec<(String, String)> {
+    let Ok(days) = fs::read_dir(out) else { return Vec::new() };
+    let mut days: Vec<PathBuf> = days.map(|e| e.unwrap().path().join("attitude.csv")).collect();
+    days.sort();
+    let text: String = days.iter().filter_map(|day| fs::read_to_string(day).ok()).collect();
+    let rows = text.lines().filter(|line| !line.starts_with("time_gpst"));
+    let fields = rows.map(|row| row.split(',').map(str::to_owned).collect::<Vec<_>>());
+    // The last one may be half written.
+    let whole = fields.filter(|fields| fields.len() > 4);
+    whole.map(|fields| (fields[0].clone(), fields[3].clone())).collect()
+}
+
+/// Killed in the midst of a row and started again: fixed again with the first epoch, in the same file,
+/// whose half row is gone.
+#[test]
+fn a_killed_service_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "4");
+    let state = folder.path().join("state");
+    let live = format!("[live]\nstate_dir = \"{}\"\n", state.display());
+    let streams = receivers.streams();
+    let configuration = configuration([&streams[0], &streams[1]], &live);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let out = service.out.clone();
+    wait_for("the first rows", || (statuses(&out).len() > 20).then_some(()));
+    service.signal("-TERM");
+    service.end(Duration::from_secs(10));
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let before = statuses(&out).len();
+    wait_for("more rows", || (statuses(&out).len() > before + 5).then_some(()));
+    service.signal("-KILL");
+    service.end(Duration::from_secs(10));
+
+    let day = fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).max().unwrap();
+    let file = day.join("attitude.csv");
+    let text = fs::read_to_string(&file).unwrap() + "2024-03-10T00:00:0";
+    fs::write(&file, text).unwrap();
+    let killed = statuses(&out).len();
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    wait_for("rows after the restart", || (statuses(&out).len() > killed + 10).then_some(()));
+    drop(service);
+    let all = statuses(&out);
+    assert!(all.windows(2).all(|pair| pair[0].0 < pair[1].0), "{all:?}");
+    // The first epoch may have come to one antenna only, before the other was connected.
+    let first: Vec<&str> = all[killed..].iter().map(|(_, status)| status.as_str()).collect();
+    assert!(first[..3].contains(&"fixed"), "{first:?}");
+    assert!(first[3..10].iter().all(|status| *status == "fixed"), "{first:?}");
+}
+
+/// The cable of one antenna is cut in mid-message and put back: rows go on without it, then with it,
+/// and nothing is wrong. Two hundred clients that never read disturb nobody.
+#[test]
+fn a_cut_cable_and_clients_that_do_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "sbf", 0.1, "1");
+    let cable = free_port();
+    let (cut, is_cut) = std::sync::mpsc::channel::<()>();
+    let to = receivers.port + 1;
+    let joint = thread::spawn(move || {
+        let listener = TcpListener::bind(("127.0.0.1", cable)).unwrap();
+        let receiver = || TcpStream::connect(("127.0.0.1", to)).ok();
+        let mut from = wait_for("the receiver", receiver);
+        let mut buffer = [0; 100];
+        loop {
+            let (mut client, _) = listener.accept().unwrap();
+            // Noise on the line, then pieces of a hundred bytes.
+            let mut alive = client.write_all(&[0xb5, 0x62, 0xd3, 0x00, 0x24, 0x40, 0xff]).is_ok();
+            while alive && is_cut.try_recv().is_err() {
+                let Ok(count @ 1..) = from.read(&mut buffer) else { return };
+                alive = client.write_all(&buffer[..count]).is_ok();
+            }
+        }
+    });
+    let port = free_port();
+    let output = format!("[[output]]\nto = \"tcp-listen://:{port}\"\nprofile = \"jsonl\"\n");
+    let streams = [receivers.streams()[0].clone(), format!("stream = \"tcp://127.0.0.1:{cable}\"")];
+    let configuration = configuration([&streams[0], &streams[1]], &output);
+    let service = Service::start(folder.path(), &configuration, &["--quiet"]);
+    let out = service.out.clone();
+    let connect = || TcpStream::connect(("127.0.0.1", port));
+    let reader = wait_for("the output", || connect().ok());
+    let clients: Vec<TcpStream> = (0..200).map(|_| connect().unwrap()).collect();
+    let fixed = |from: usize| {
+        let all = statuses(&out);
+        all.iter().skip(from).filter(|(_, status)| status == "fixed").count()
+    };
+    wait_for("fixed rows", || (fixed(0) > 10).then_some(()));
+    cut.send(()).unwrap();
+    let before = statuses(&out).len();
+    wait_for("fixed rows after the cut", || (fixed(before) > 10).then_some(()));
+    let all = statuses(&out);
+    assert!(all.iter().any(|(_, status)| status == "lost"), "nothing was cut: {all:?}");
+    assert!(all.windows(2).all(|pair| pair[0].0 < pair[1].0), "{all:?}");
+
+    // What a client that reads got in the meantime.
+    let mut count = 0;
+    for line in BufReader::new(reader).lines().take(20) {
+        let value: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        if let Some(heading_deg) = value["heading_deg"].as_f64() {
+            assert_eq!(value["status"], "fixed");
+            assert!((heading_deg - 40.0).abs() < 2.0, "{value}");
+        }
+        count += 1;
+    }
+    assert_eq!(count, 20);
+    drop((clients, service, receivers));
+    drop(joint);
+}
+
+/// SIGHUP with another stream for one antenna: the connection of the other one stays.
+#[test]
+fn a_reload_changes_only_what_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "1");
+    let page = free_port();
+    let [first, second] = receivers.streams();
+    let live = format!("[live]\npage = \"127.0.0.1:{page}\"\n");
+    let text = configuration([&first, &second], &live);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let out = service.out.clone();
+    wait_for("fixed rows", || statuses(&out).iter().any(|(_, s)| s == "fixed").then_some(()));
+    // The same receiver by another name.
+    let moved = second.replace("127.0.0.1", "localhost");
+    fs::write(folder.path().join("live.toml"), configuration([&first, &moved], &live)).unwrap();
+    service.signal("-HUP");
+    let count = |metrics: &str, stream: &str| -> u32 {
+        let name = format!("kurs_stream_connections_total{{stream=\"{stream}\"}} ");
+        let line = metrics.lines().find(|line| line.starts_with(&name)).unwrap();
+        line[name.len()..].parse().unwrap()
+    };
+    let metrics = wait_for("the second connection", || {
+        let metrics = get(page, "/metrics").1;
+        (count(&metrics, "A1") == 2).then_some(metrics)
+    });
+    assert_eq!(count(&metrics, "A0"), 1);
+    let before = statuses(&out).len();
+    wait_for("fixed rows after the reload", || {
+        statuses(&out)[before..].iter().any(|(_, s)| s == "fixed").then_some(())
+    });
+    // A configuration that is wrong changes nothing.
+    fs::write(folder.path().join("live.toml"), "nonsense = 1").unwrap();
+    service.signal("-HUP");
+    let before = statuses(&out).len();
+    wait_for("fixed rows after a wrong reload", || {
+        statuses(&out)[before..].iter().any(|(_, s)| s == "fixed").then_some(())
+    });
+}
+
+/// Raw logs have every byte, and give the same rows again.
+#[test]
+fn a_raw_log_plays_again_what_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = [serve(log(0, "ubx"), 3), serve(log(1, "ubx"), 3)];
+    let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
+    let more = "[live]\ndeadline_ms = 20000\n[log]\ndir = \"raw\"\n";
+    let text = configuration([&stream(0), &stream(1)], more);
+    let service = Service::start(folder.path(), &text, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    let wanted = rows(&out);
+    let raw = |index: usize| -> PathBuf {
+        let files = fs::read_dir(folder.path().join("raw")).unwrap().map(|e| e.unwrap().path());
+        let name = |file: &PathBuf| file.file_name().unwrap().to_string_lossy().into_owned();
+        let mut files = files.filter(|f| name(f).starts_with(&format!("A{index}-")));
+        files.find(|f| name(f).ends_with(".raw")).unwrap()
+    };
+    for index in [0, 1] {
+        assert_eq!(fs::read(raw(index)).unwrap(), log(index, "ubx"));
+    }
+    let again = |index: usize| format!("stream = \"file://{}?speed=1\"", raw(index).display());
+    let more = "[live]\ndeadline_ms = 20000\n";
+    let text = configuration([&again(0), &again(1)], more);
+    let second = folder.path().join("second");
+    fs::create_dir(&second).unwrap();
+    let service = Service::start(&second, &text, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &wanted, "played again");
+}
+
+/// A program that ends with the test; `None` if it is not installed.
+struct Partner(Child);
+
+impl Partner {
+    fn start(program: &str, arguments: &[&str]) -> Option<Self> {
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        match command.spawn() {
+            Ok(child) => Some(Self(child)),
+            Err(error) => {
+                println!("skipped: {program}: {error}");
+                None
+            }
+        }
+    }
+}
+
+impl Drop for Partner {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// RTKLIB's str2str as a caster, socat with a serial port, gpsd as the reader.
+#[test]
+fn foreign_programs_feed_it_and_read_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "rtcm3", 0.2, "1");
+    let (caster, port) = (free_port(), free_port());
+    let from = format!("tcpcli://127.0.0.1:{}", receivers.port);
+    let to = format!("ntripc://:{caster}/BOW");
+    let Some(_str2str) = Partner::start("str2str", &["-in", &from, "-out", &to]) else { return };
+    let line = folder.path().join("ttyKurs");
+    let pty = format!("pty,rawer,link={}", line.display());
+    let from = format!("tcp:127.0.0.1:{}", receivers.port + 1);
+    let Some(_socat) = Partner::start("socat", &[&pty, &from]) else { return };
+    wait_for("the serial port", || line.exists().then_some(()));
+
+    let streams = [
+        format!("stream = \"ntrip://127.0.0.1:{caster}/BOW\""),
+        format!("stream = \"serial://{}?baud=460800\"", line.display()),
+    ];
+    let more = format!("[[output]]\nto = \"tcp-listen://:{port}\"\nprofile = \"marine\"\n");
+    let text = configuration([&streams[0], &streams[1]], &more);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let out = service.out.clone();
+    wait_for("fixed rows", || statuses(&out).iter().any(|(_, s)| s == "fixed").then_some(()));
+
+    let daemon = free_port().to_string();
+    let device = format!("tcp://127.0.0.1:{port}");
+    let Some(_gpsd) = Partner::start("gpsd", &["-n", "-N", "-S", &daemon, &device]) else { return };
+    let mut client = wait_for("gpsd", || TcpStream::connect(format!("127.0.0.1:{daemon}")).ok());
+    client.write_all(b"?WATCH={\"enable\":true,\"json\":true};\n").unwrap();
+    client.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    let mut lines = BufReader::new(client).lines();
+    let attitude = lines.find_map(|line| {
+        let value: serde_json::Value = serde_json::from_str(&line.ok()?).ok()?;
+        (value["class"] == "ATT").then(|| value["heading"].as_f64())?
+    });
+    let heading_deg = attitude.expect("gpsd gives an attitude");
+    assert!((heading_deg - 40.0).abs() < 2.0, "{heading_deg}");
+}
+
+/// The demonstration as a user would see it: a line of text names the port, which has a heading.
+#[test]
+fn the_demonstration_gives_a_heading_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = kurs();
+    command.args(["demo", "--live", "--out"]).arg(folder.path());
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut told = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut told).unwrap();
+    let demo = Partner(child);
+    let port = told.split("127.0.0.1:").nth(1).unwrap().split(',').next().unwrap();
+    let stream = wait_for("the output", || TcpStream::connect(format!("127.0.0.1:{port}")).ok());
+    let heading_deg = BufReader::new(stream).lines().take(50).find_map(|line| {
+        let value: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        value["heading_deg"].as_f64()
+    });
+    // The car stands with its nose to the north for ten seconds.
+    let heading_deg = heading_deg.expect("a heading within five seconds");
+    assert!(heading_deg.min(360.0 - heading_deg) < 3.0, "{heading_deg}");
+    drop(demo);
+}
+
+/// A caster with a certificate of its own, which the system is told to trust; another one is refused.
+#[test]
+fn a_caster_over_tls_must_show_a_certificate_that_is_trusted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let make = Command::new("openssl")
+        .args(["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2"])
+        .args(["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"])
+        .args(["-addext", "basicConstraints=critical,CA:FALSE"])
+        .args(["-keyout", &path("key.pem"), "-out", &path("cert.pem")])
+        .output();
+    let Ok(made) = make else { return println!("skipped: no openssl") };
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let run = |trusted: &str, out: &str| {
+        let port = free_port();
+        let mut server = Command::new("openssl")
+            .args(["s_server", "-quiet", "-accept", &port.to_string()])
+            .args(["-cert", &path("cert.pem"), "-key", &path("key.pem")])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let (mut input, output) = (server.stdin.take().unwrap(), server.stdout.take().unwrap());
+        let server = Partner(server);
+        wait_for("the caster", || TcpListener::bind(("127.0.0.1", port)).is_err().then_some(()));
+        // Answers when the request has come.
+        thread::spawn(move || {
+            let mut line = String::new();
+            if BufReader::new(output).read_line(&mut line).is_ok() && line.starts_with("GET /M") {
+                let _ = input.write_all(b"ICY 200 OK\r\n\r\n");
+                let _ = input.write_all(&log(0, "ubx"));
+            }
+        });
+        let streams = [
+            format!("stream = \"ntrips://localhost:{port}/M\""),
+            format!("stream = \"tcp://127.0.0.1:{}\"", serve(log(1, "ubx"), 1)),
+        ];
+        let file = folder.path().join("live.toml");
+        let live = "[live]\ndeadline_ms = 20000\n";
+        fs::write(&file, configuration([&streams[0], &streams[1]], live)).unwrap();
+        let mut command = kurs();
+        command.arg("live").arg(&file).arg("--out").arg(path(out)).env("SSL_CERT_FILE", trusted);
+        command.stdout(Stdio::null()).stderr(fs::File::create(path("said.txt")).unwrap());
+        (Partner(command.spawn().unwrap()), server)
+    };
+    let running = run(&path("cert.pem"), "trusted");
+    let out = PathBuf::from(path("trusted"));
+    wait_for("fixed rows", || statuses(&out).iter().any(|(_, s)| s == "fixed").then_some(()));
+    drop(running);
+    fs::write(path("none.pem"), "").unwrap();
+    let _running = run(&path("none.pem"), "refused");
+    wait_for("a refusal", || {
+        let said = fs::read_to_string(path("said.txt")).unwrap();
+        said.to_lowercase().contains("certificate").then_some(())
+    });
+}

@@ -1,0 +1,306 @@
+//! Where bytes come from and go to: `serial:///dev/ttyACM0?baud=460800`, `tcp://HOST:PORT`,
+//! `tcp-listen://[HOST]:PORT`, `udp://[HOST]:PORT`, `ntrip[s]://[USER[:PASSWORD]@]HOST[:PORT]/MOUNT`,
+//! `file://LOG[?speed=1]`.
+
+use core::fmt;
+use core::str::FromStr;
+use std::path::PathBuf;
+
+/// Port of NTRIP casters where none is given.
+const NTRIP_PORT: u16 = 2101;
+/// The same with TLS.
+const NTRIPS_PORT: u16 = 443;
+/// Baud rate of serial ports where none is given: what receivers come with most often.
+const BAUD: u32 = 115_200;
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Address {
+    /// A serial port.
+    Serial {
+        /// Its path; it is opened again by it.
+        path: PathBuf,
+        /// Bits a second.
+        baud: u32,
+    },
+    /// A connection that this side makes.
+    Tcp {
+        /// `HOST:PORT`
+        to: String,
+    },
+    /// Connections that others make.
+    TcpListen {
+        /// `HOST:PORT`; without a host, the loopback.
+        at: String,
+    },
+    /// Datagrams.
+    Udp {
+        /// `HOST:PORT`; without a host, the loopback.
+        at: String,
+    },
+    /// A caster.
+    Ntrip(Ntrip),
+    /// A recorded log.
+    File {
+        /// The log.
+        path: PathBuf,
+        /// How many times faster than it was recorded; 0: as fast as possible.
+        speed: f64,
+    },
+}
+
+/// A mount point of a caster.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Ntrip {
+    /// Name or number of the caster.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// Name and password.
+    pub user: Option<(String, String)>,
+    /// The stream.
+    pub mount: String,
+    /// Whether the connection is encrypted.
+    pub tls: bool,
+}
+
+/// What is wrong with an address.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{address:?}: {what}")]
+pub struct BadAddress {
+    /// As given.
+    pub address: String,
+    /// What is wrong, and what was expected.
+    pub what: String,
+}
+
+/// A password is not for logs.
+impl fmt::Debug for Ntrip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self}")
+    }
+}
+
+impl fmt::Display for Ntrip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { host, port, mount, tls, .. } = self;
+        let scheme = if *tls { "ntrips" } else { "ntrip" };
+        write!(f, "{scheme}://{host}:{port}/{mount}")
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial { path, baud } => write!(f, "serial://{}?baud={baud}", path.display()),
+            Self::Tcp { to } => write!(f, "tcp://{to}"),
+            Self::TcpListen { at } => write!(f, "tcp-listen://{at}"),
+            Self::Udp { at } => write!(f, "udp://{at}"),
+            Self::Ntrip(ntrip) => write!(f, "{ntrip}"),
+            Self::File { path, .. } => write!(f, "file://{}", path.display()),
+        }
+    }
+}
+
+impl FromStr for Address {
+    type Err = BadAddress;
+
+    fn from_str(text: &str) -> Result<Self, BadAddress> {
+        parse(text).map_err(|what| BadAddress { address: hidden(text), what })
+    }
+}
+
+impl Address {
+    /// Whether it is a log that is read as fast as possible.
+    #[must_use]
+    pub fn is_unpaced_file(&self) -> bool {
+        matches!(self, Self::File { speed, .. } if *speed == 0.0)
+    }
+
+    /// The same with a path of a file made absolute by `absolute`.
+    #[must_use]
+    pub fn with_path(self, absolute: impl FnOnce(PathBuf) -> PathBuf) -> Self {
+        match self {
+            Self::File { path, speed } => Self::File { path: absolute(path), speed },
+            other => other,
+        }
+    }
+}
+
+fn parse(text: &str) -> Result<Address, String> {
+    const SCHEMES: &str = "expected serial://, tcp://, tcp-listen://, udp://, ntrip://, ntrips:// \
+        or file://";
+    let (scheme, rest) = text.split_once("://").ok_or(SCHEMES)?;
+    match scheme {
+        "serial" => {
+            let (path, baud) = with_option(rest, "baud", BAUD)?;
+            Ok(Address::Serial { path: named(path)?, baud })
+        }
+        "tcp" => Ok(Address::Tcp { to: host_and_port(rest, None)? }),
+        "tcp-listen" => Ok(Address::TcpListen { at: host_and_port(rest, Some("127.0.0.1"))? }),
+        "udp" => Ok(Address::Udp { at: host_and_port(rest, Some("127.0.0.1"))? }),
+        "ntrip" | "ntrips" => ntrip(rest, scheme == "ntrips").map(Address::Ntrip),
+        "file" => {
+            let (path, speed) = with_option(rest, "speed", 1.0)?;
+            if !(0.0..=1e6).contains(&speed) {
+                return Err(format!("speed {speed} is not between 0 and a million"));
+            }
+            Ok(Address::File { path: named(path)?, speed })
+        }
+        _ => Err(SCHEMES.into()),
+    }
+}
+
+/// The part before the question mark, and the value of the only option that may stand behind it.
+fn with_option<T: FromStr>(text: &str, name: &str, default: T) -> Result<(String, T), String> {
+    let Some((path, option)) = text.split_once('?') else {
+        return Ok((text.to_owned(), default));
+    };
+    let (key, value) = option.split_once('=').unwrap_or((option, ""));
+    if key != name {
+        return Err(format!("option `{key}`, expected `{name}`"));
+    }
+    let value = value.parse().map_err(|_| format!("{name} {value:?} is no number"))?;
+    Ok((path.to_owned(), value))
+}
+
+fn named(path: String) -> Result<PathBuf, String> {
+    if path.is_empty() { Err("a path is missing".into()) } else { Ok(path.into()) }
+}
+
+/// Checks `HOST:PORT`; where a default is given the host may be left out.
+fn host_and_port(text: &str, default_host: Option<&str>) -> Result<String, String> {
+    let (host, port) = text.rsplit_once(':').ok_or("expected HOST:PORT")?;
+    let port: u16 = port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?;
+    let host = match (host, default_host) {
+        ("", Some(default)) => default,
+        ("", None) => return Err("a host is missing, expected HOST:PORT".into()),
+        (host, _) => host,
+    };
+    Ok(format!("{host}:{port}"))
+}
+
+fn ntrip(text: &str, tls: bool) -> Result<Ntrip, String> {
+    const FORM: &str = "expected [USER[:PASSWORD]@]HOST[:PORT]/MOUNT";
+    let (authority, mount) = text.split_once('/').ok_or(FORM)?;
+    let (user, place) = match authority.rsplit_once('@') {
+        Some((user, place)) => (Some(user), place),
+        None => (None, authority),
+    };
+    let user = user.map(|user| {
+        let (name, password) = user.split_once(':').unwrap_or((user, ""));
+        (unescaped(name), unescaped(password))
+    });
+    let (host, port) = match place.rsplit_once(':') {
+        Some((host, port)) => {
+            (host, port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?)
+        }
+        None => (place, if tls { NTRIPS_PORT } else { NTRIP_PORT }),
+    };
+    let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_graphic());
+    if host.is_empty() || mount.is_empty() || !is_plain(host) || !is_plain(mount) {
+        return Err(FORM.into());
+    }
+    Ok(Ntrip { host: host.into(), port, user, mount: mount.into(), tls })
+}
+
+/// Undoes `%40` and the like.
+fn unescaped(text: &str) -> String {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&first, behind)) = rest.split_first() {
+        let hex = behind.get(..2).and_then(|hex| core::str::from_utf8(hex).ok());
+        match (first, hex.and_then(|hex| u8::from_str_radix(hex, 16).ok())) {
+            (b'%', Some(byte)) => {
+                bytes.push(byte);
+                rest = &behind[2..];
+            }
+            _ => {
+                bytes.push(first);
+                rest = behind;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// The address without its password.
+fn hidden(text: &str) -> String {
+    let Some((start, place)) = text.rsplit_once('@') else { return text.to_owned() };
+    let name = start.rfind("://").map_or(0, |at| at + 3);
+    match start[name..].find(':') {
+        Some(colon) => format!("{}:…@{place}", &start[..name + colon]),
+        None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Address {
+        text.parse().unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn every_kind_is_read() {
+        let port = "serial:///dev/ttyACM0?baud=460800";
+        let wanted = Address::Serial { path: "/dev/ttyACM0".into(), baud: 460_800 };
+        assert_eq!(read(port), wanted);
+        assert_eq!(read(port).to_string(), port);
+        let wanted = Address::Serial { path: "/dev/ttyS1".into(), baud: 115_200 };
+        assert_eq!(read("serial:///dev/ttyS1"), wanted);
+        assert_eq!(read("tcp://boat.local:2000"), Address::Tcp { to: "boat.local:2000".into() });
+        let wanted = Address::TcpListen { at: "127.0.0.1:2947".into() };
+        assert_eq!(read("tcp-listen://:2947"), wanted);
+        assert_eq!(read("udp://0.0.0.0:9"), Address::Udp { at: "0.0.0.0:9".into() });
+        let log = Address::File { path: "a.ubx".into(), speed: 0.0 };
+        assert_eq!(read("file://a.ubx?speed=0"), log);
+        assert!(log.is_unpaced_file() && !read("file://a.ubx").is_unpaced_file());
+        let moved =
+            read("file://a.ubx?speed=2").with_path(|path| PathBuf::from("/logs").join(path));
+        assert_eq!(moved, Address::File { path: "/logs/a.ubx".into(), speed: 2.0 });
+    }
+
+    #[test]
+    fn casters_are_read_and_their_passwords_stay_out_of_sight() {
+        let Address::Ntrip(caster) = read("ntrip://me%40home:p%3Aw@caster.org:2102/MOUNT7") else {
+            panic!("a caster");
+        };
+        assert_eq!((caster.host.as_str(), caster.port), ("caster.org", 2102));
+        assert_eq!(caster.user, Some(("me@home".into(), "p:w".into())));
+        assert_eq!((caster.mount.as_str(), caster.tls), ("MOUNT7", false));
+        assert_eq!(format!("{caster} {caster:?}").matches("p:w").count(), 0);
+        let ports = ["ntrip://h/M", "ntrips://h/M"].map(|text| match read(text) {
+            Address::Ntrip(caster) => (caster.port, caster.tls, caster.user),
+            _ => panic!("a caster"),
+        });
+        assert_eq!(ports, [(2101, false, None), (443, true, None)]);
+        let error = "ntrip://me:secret@h:x/M".parse::<Address>().unwrap_err().to_string();
+        assert!(!error.contains("secret") && error.contains("me:…@h"), "{error}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (text, part) in [
+            ("/dev/ttyACM0", "expected serial://"),
+            ("http://x", "expected serial://"),
+            ("tcp://:5", "host is missing"),
+            ("tcp://h", "HOST:PORT"),
+            ("tcp://h:70000", "70000"),
+            ("udp://h:p", "\"p\""),
+            ("serial://", "path is missing"),
+            ("serial:///dev/a?baud=fast", "\"fast\""),
+            ("serial:///dev/a?rate=9", "`rate`, expected `baud`"),
+            ("file://a?speed=-1", "speed -1"),
+            ("file://a?speed=NaN", "speed NaN"),
+            ("ntrip://h", "MOUNT"),
+            ("ntrip://h/", "MOUNT"),
+            ("ntrip://u@/M", "MOUNT"),
+            ("ntrip://h/M\r\nX: y", "MOUNT"),
+        ] {
+            let error = text.parse::<Address>().unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Bytes of one connection to epochs of one antenna, in a thread of its own: a new decoder for every
+//! connection, so that nothing of a broken one can stick.
+
+use std::collections::VecDeque;
+use std::io::{self, Read};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use kurs::ephemeris::NavigationData;
+use kurs::observation::AntennaEpoch;
+use kurs::time::GpsTime;
+use kurs_formats::logs::{LogOptions, LogReader};
+use kurs_formats::source::Source;
+use tokio::sync::mpsc;
+
+use crate::status::StreamStatus;
+
+/// Epochs of an antenna that may wait for the others; a receiver that is this far ahead waits.
+const MAX_AHEAD: usize = 16;
+
+/// Bytes as they came in.
+#[derive(Debug, Clone)]
+pub(crate) struct Chunk {
+    pub(crate) bytes: Arc<[u8]>,
+    pub(crate) arrived: Instant,
+    pub(crate) utc: SystemTime,
+}
+
+/// When the bytes of an epoch came in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Arrival {
+    pub(crate) first_byte: Instant,
+    pub(crate) last_byte: Instant,
+    pub(crate) last_byte_utc: SystemTime,
+}
+
+/// What a decoder tells.
+#[derive(Debug)]
+pub(crate) struct Decoded {
+    pub(crate) epoch: AntennaEpoch,
+    pub(crate) news: NavigationData,
+    pub(crate) arrival: Arrival,
+}
+
+/// Lets a decoder run ahead of the other antennas only so far.
+#[derive(Debug, Default)]
+pub(crate) struct Permits {
+    out: Mutex<usize>,
+    changed: Condvar,
+}
+
+impl Permits {
+    fn acquire(&self) {
+        let out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let out = self.changed.wait_while(out, |out| *out >= MAX_AHEAD);
+        *out.unwrap_or_else(PoisonError::into_inner) += 1;
+    }
+
+    /// So many are done with.
+    pub(crate) fn release(&self, count: usize) {
+        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        *out = out.saturating_sub(count);
+        self.changed.notify_all();
+    }
+}
+
+/// Plays a log that has no time marks at the pace of its epochs; one for all streams, so that they stay
+/// together.
+#[derive(Debug, Default)]
+pub(crate) struct Pace {
+    start: Mutex<Option<(Instant, GpsTime)>>,
+}
+
+impl Pace {
+    fn wait(&self, time: GpsTime, speed: f64) {
+        let mut start = self.start.lock().unwrap_or_else(PoisonError::into_inner);
+        let (began, first) = *start.get_or_insert((Instant::now(), time));
+        drop(start);
+        let due_s = (time - first) / speed;
+        let left_s = due_s - began.elapsed().as_secs_f64();
+        if left_s > 0.0 {
+            std::thread::sleep(Duration::from_secs_f64(left_s));
+        }
+    }
+}
+
+/// What a decoder needs to know.
+pub(crate) struct Decoding {
+    pub(crate) name: String,
+    pub(crate) options: LogOptions,
+    pub(crate) permits: Arc<Permits>,
+    pub(crate) status: Arc<StreamStatus>,
+    /// Where the next decoder finds the date that ephemerides told.
+    pub(crate) told_date: Arc<Mutex<Option<GpsTime>>>,
+    /// Of a log without time marks: the pace and the speed.
+    pub(crate) pace: Option<(Arc<Pace>, f64)>,
+}
+
+/// Decodes until the chunks end, or nothing takes the epochs any more.
+pub(crate) fn decode(
+    decoding: &Decoding,
+    chunks: mpsc::Receiver<Chunk>,
+    mut give: impl FnMut(Decoded) -> bool,
+) {
+    let arrivals = Arrivals::default();
+    let reader =
+        ChunkReader { chunks, current: Arc::from([]), at: 0, read: 0, arrivals: arrivals.clone() };
+    let result = Source::new(reader, decoding.name.clone())
+        .and_then(|source| LogReader::of_stream(source, &decoding.options));
+    let mut reader = match result {
+        Ok(reader) => reader,
+        Err(error) => {
+            if arrivals.any() {
+                decoding.status.note_error(&error.to_string());
+            }
+            return;
+        }
+    };
+    let mut damaged = 0;
+    loop {
+        let mut epoch = AntennaEpoch::default();
+        let more = reader.next_epoch(&mut epoch);
+        if reader.damage_count() > damaged {
+            let what = reader.damage().last().map_or("", |damage| damage.what.as_ref());
+            tracing::debug!(stream = decoding.name, what, "damaged");
+            decoding.status.note_damage(reader.damage_count() - damaged);
+            damaged = reader.damage_count();
+        }
+        match more {
+            Ok(true) => {}
+            Ok(false) => return,
+            Err(error) => {
+                if let Some(date) = reader.told_date() {
+                    *decoding.told_date.lock().unwrap_or_else(PoisonError::into_inner) = Some(date);
+                }
+                return decoding.status.note_error(&error.to_string());
+            }
+        }
+        if let Some((pace, speed)) = &decoding.pace {
+            pace.wait(epoch.time, *speed);
+        }
+        let paced = decoding.pace.is_some();
+        let arrival = if paced { Arrival::now() } else { arrivals.of_epoch(reader.begun_at()) };
+        decoding.status.note_epoch(epoch.time);
+        decoding.permits.acquire();
+        let news = reader.take_news();
+        if !give(Decoded { epoch, news, arrival }) {
+            return;
+        }
+    }
+}
+
+impl Arrival {
+    pub(crate) fn now() -> Self {
+        let now = Instant::now();
+        Self { first_byte: now, last_byte: now, last_byte_utc: SystemTime::now() }
+    }
+}
+
+/// Where the chunks end in the stream, and when they came.
+#[derive(Debug, Clone, Default)]
+struct Arrivals(Arc<Mutex<VecDeque<(u64, Instant, SystemTime)>>>);
+
+impl Arrivals {
+    fn any(&self) -> bool {
+        !self.0.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
+    }
+
+    fn add(&self, end: u64, chunk: &Chunk) {
+        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // Bytes that make no epoch must not gather.
+        const MAX_CHUNKS: usize = 4096;
+        if list.len() >= MAX_CHUNKS {
+            list.pop_front();
+        }
+        list.push_back((end, chunk.arrived, chunk.utc));
+    }
+
+    /// Of the epoch whose first message begins at this offset, and whose last byte is the last that was
+    /// read.
+    fn of_epoch(&self, begun_at: u64) -> Arrival {
+        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        while list.len() > 1 && list.front().is_some_and(|(end, ..)| *end <= begun_at) {
+            list.pop_front();
+        }
+        match (list.front(), list.back()) {
+            (Some((_, first_byte, _)), Some((_, last_byte, utc))) => {
+                Arrival { first_byte: *first_byte, last_byte: *last_byte, last_byte_utc: *utc }
+            }
+            _ => Arrival::now(),
+        }
+    }
+}
+
+/// The chunks as one stream; reading waits for the next one.
+struct ChunkReader {
+    chunks: mpsc::Receiver<Chunk>,
+    current: Arc<[u8]>,
+    at: usize,
+    read: u64,
+    arrivals: Arrivals,
+}
+
+impl Read for ChunkReader {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        while self.at == self.current.len() {
+            let Some(chunk) = self.chunks.blocking_recv() else { return Ok(0) };
+            self.read += chunk.bytes.len() as u64;
+            self.arrivals.add(self.read, &chunk);
+            (self.current, self.at) = (chunk.bytes, 0);
+        }
+        let count = (&self.current[self.at..]).read(out)?;
+        self.at += count;
+        Ok(count)
+    }
+}

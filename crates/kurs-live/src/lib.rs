@@ -1,0 +1,38 @@
+//! The service behind `kurs live`: streams of receivers in, attitude out.
+//!
+//! ```text
+//! connection ─► decoder ─┐   (one of each for every stream; a new decoder for every connection)
+//! connection ─► decoder ─┴► matcher ─► engine ─┬► files
+//!                           with a deadline    └► outputs
+//! ```
+//!
+//! Connections and outputs are tasks of one small runtime; every decoder, the engine and the files have a
+//! thread of their own. Everything between them is bounded: a receiver that is ahead of the others waits,
+//! a client that does not read is dropped. The rows are those of `kurs solve` with
+//! `[nav] as_received = true` on the same bytes.
+//!
+//! What is particular to a program comes in as functions: how an engine is made, how a row is written to
+//! a file or put into a message ([`Setup`]).
+#![forbid(unsafe_code)]
+
+mod address;
+mod back_off;
+mod connection;
+mod decoder;
+mod estimator;
+mod http;
+mod input;
+mod ntrip;
+mod output;
+mod record;
+mod service;
+mod state;
+mod status;
+mod systemd;
+
+pub use address::{Address, BadAddress, Ntrip};
+pub use input::{Input, STATION};
+pub use output::{Encode, Output};
+pub use record::gps_time;
+pub use service::{Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run};
+pub use state::{Remembered, newest_reference_time, remembered};

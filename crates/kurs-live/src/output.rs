@@ -1,0 +1,267 @@
+//! Where messages go: TCP as server and client, UDP, serial. A receiver that does not read is left
+//! behind or dropped; nothing waits for it, and nothing gathers.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use kurs::solution::EpochSolution;
+use kurs::time::GpsTime;
+use kurs::turn_rate::AngleRates;
+use serial2_tokio::SerialPort;
+use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::{TcpSocket, TcpStream, UdpSocket, lookup_host};
+use tokio::sync::broadcast::{self, error::RecvError};
+use tokio::time::timeout;
+
+use crate::address::Address;
+use crate::back_off::BackOff;
+use crate::service::Times;
+use crate::status::Status;
+
+/// Messages that may wait for a slow client: a second at 100 Hz.
+const QUEUE: usize = 128;
+/// A client that takes no byte for so long is dropped.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
+/// What the system may keep for a client, bytes: what waits there gets old unseen.
+const SEND_BUFFER: u32 = 16 * 1024;
+/// Clients of one output.
+const MAX_CLIENTS: u64 = 256;
+/// Rates are kept on a grid with this tolerance, s: time tags are off by a millisecond.
+const RATE_TOLERANCE_S: f64 = 0.002;
+
+/// Makes the bytes of a message from a row and the rates of its angles; nothing where the profile has
+/// nothing to say.
+pub type Encode = Arc<dyn Fn(&EpochSolution, &AngleRates, &Times) -> Option<Vec<u8>> + Send + Sync>;
+
+/// An output as configured.
+#[derive(Clone)]
+pub struct Output {
+    /// Where it goes.
+    pub address: Address,
+    /// No more messages a second than this.
+    pub rate_hz: Option<f64>,
+    /// What goes there.
+    pub encode: Encode,
+}
+
+/// A message on its way.
+#[derive(Debug, Clone)]
+pub(crate) struct Message {
+    pub(crate) bytes: Arc<[u8]>,
+    /// After this it may not leave.
+    pub(crate) expires: Option<Instant>,
+}
+
+/// The engine's end of an output.
+pub(crate) struct Sink {
+    rate_hz: Option<f64>,
+    encode: Encode,
+    sender: broadcast::Sender<Message>,
+    /// Number of the last period of the rate that had a message.
+    last_period: Option<f64>,
+}
+
+impl Sink {
+    /// The message of a row, if it is due.
+    pub(crate) fn encode(
+        &mut self,
+        row: &EpochSolution,
+        rates: &AngleRates,
+        times: &Times,
+    ) -> Option<Vec<u8>> {
+        if self.sender.receiver_count() == 0 || !self.is_due(row.time) {
+            return None;
+        }
+        (self.encode)(row, rates, times)
+    }
+
+    fn is_due(&mut self, time: GpsTime) -> bool {
+        let Some(rate_hz) = self.rate_hz else { return true };
+        let since_s = time - GpsTime::default();
+        let period = ((since_s + RATE_TOLERANCE_S) * rate_hz).floor();
+        self.last_period.replace(period) != Some(period)
+    }
+
+    pub(crate) fn send(&self, message: Message) {
+        // Without receivers there is nobody to tell.
+        let _ = self.sender.send(message);
+    }
+}
+
+/// Starts an output.
+pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
+    let (sender, receiver) = broadcast::channel(QUEUE);
+    let Output { address, rate_hz, encode } = output;
+    let sink = Sink { rate_hz, encode, sender: sender.clone(), last_period: None };
+    tokio::spawn(async move {
+        match address {
+            Address::TcpListen { at } => {
+                drop(receiver);
+                serve(&at, sender, status).await;
+            }
+            Address::Tcp { to } => send_for_ever(receiver, &status, || connect(&to)).await,
+            Address::Serial { path, baud } => {
+                send_for_ever(receiver, &status, || async { SerialPort::open(&path, baud) }).await;
+            }
+            Address::Udp { at } => send_datagrams(&at, receiver, &status).await,
+            Address::Ntrip(_) | Address::File { .. } => {}
+        }
+    });
+    sink
+}
+
+async fn connect(to: &str) -> std::io::Result<TcpStream> {
+    let stream = TcpStream::connect(to).await?;
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+async fn serve(at: &str, sender: broadcast::Sender<Message>, status: Arc<Status>) {
+    let mut back_off = BackOff::default();
+    loop {
+        match listen(at).await {
+            Ok(listener) => loop {
+                let Ok((stream, peer)) = listener.accept().await else { break };
+                if status.clients.load(Relaxed) >= MAX_CLIENTS {
+                    tracing::warn!(%peer, "too many clients, refused");
+                    continue;
+                }
+                status.clients.fetch_add(1, Relaxed);
+                let (receiver, status) = (sender.subscribe(), Arc::clone(&status));
+                tokio::spawn(async move {
+                    // A client that closes is noticed at once, one that does not read by the time.
+                    let (mut reading, writing) = stream.into_split();
+                    let closed = async {
+                        let mut ignored = [0; 256];
+                        while matches!(reading.read(&mut ignored).await, Ok(1..)) {}
+                    };
+                    tokio::select! {
+                        () = closed => {}
+                        outcome = send_all(writing, receiver, &status) => {
+                            status.clients_dropped.fetch_add(1, Relaxed);
+                            tracing::info!(%peer, "client dropped: {outcome}");
+                        }
+                    }
+                    status.clients.fetch_sub(1, Relaxed);
+                });
+            },
+            Err(error) => tracing::error!("{at} cannot be listened at: {error}"),
+        }
+        tokio::time::sleep(back_off.next()).await;
+    }
+}
+
+async fn listen(at: &str) -> std::io::Result<tokio::net::TcpListener> {
+    let address = lookup_host(at).await?.next();
+    let address = address.ok_or_else(|| std::io::Error::other("the host has no address"))?;
+    let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+    socket.set_reuseaddr(true)?;
+    socket.set_send_buffer_size(SEND_BUFFER)?;
+    socket.bind(address)?;
+    socket.listen(128)
+}
+
+/// Sends what comes until that fails; returns why.
+async fn send_all(
+    mut stream: impl AsyncWrite + Unpin,
+    mut receiver: broadcast::Receiver<Message>,
+    status: &Status,
+) -> String {
+    loop {
+        let message = match receiver.recv().await {
+            Ok(message) => message,
+            Err(RecvError::Lagged(count)) => {
+                status.expired.fetch_add(count, Relaxed);
+                continue;
+            }
+            Err(RecvError::Closed) => {
+                let _ = stream.shutdown().await;
+                return "the service stops".into();
+            }
+        };
+        if message.expires.is_some_and(|expires| Instant::now() > expires) {
+            status.expired.fetch_add(1, Relaxed);
+            continue;
+        }
+        let writing = async {
+            stream.write_all(&message.bytes).await?;
+            stream.flush().await
+        };
+        match timeout(WRITE_TIMEOUT, writing).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return error.to_string(),
+            Err(_) => return format!("took nothing for {} s", WRITE_TIMEOUT.as_secs()),
+        }
+    }
+}
+
+/// Makes a connection again whenever it breaks; what comes meanwhile is gone.
+async fn send_for_ever<S: AsyncWrite + Unpin, F: Future<Output = std::io::Result<S>>>(
+    receiver: broadcast::Receiver<Message>,
+    status: &Status,
+    connect: impl Fn() -> F,
+) {
+    let mut back_off = BackOff::default();
+    loop {
+        match connect().await {
+            Ok(stream) => {
+                back_off.reset();
+                let outcome = send_all(stream, receiver.resubscribe(), status).await;
+                if receiver.is_closed() {
+                    return;
+                }
+                tracing::warn!("output broke: {outcome}");
+            }
+            Err(error) => tracing::warn!("output cannot be opened: {error}"),
+        }
+        tokio::time::sleep(back_off.next()).await;
+    }
+}
+
+async fn send_datagrams(at: &str, mut receiver: broadcast::Receiver<Message>, status: &Status) {
+    let mut socket = None;
+    loop {
+        let message = match receiver.recv().await {
+            Ok(message) => message,
+            Err(RecvError::Lagged(_)) => continue,
+            Err(RecvError::Closed) => return,
+        };
+        if message.expires.is_some_and(|expires| Instant::now() > expires) {
+            status.expired.fetch_add(1, Relaxed);
+            continue;
+        }
+        if socket.is_none() {
+            socket = UdpSocket::bind("0.0.0.0:0").await.ok();
+        }
+        // Nobody there is no error: the next datagram may find someone.
+        if let Some(socket) = &socket {
+            let _ = socket.send_to(&message.bytes, at).await;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten messages a second of a receiver with 20 Hz whose tags are off by less than a millisecond, with
+    /// a gap.
+    #[test]
+    fn a_rate_is_kept_on_a_grid() {
+        let (sender, _) = broadcast::channel(1);
+        let encode: Encode = Arc::new(|_, _, _| None);
+        let mut sink = Sink { rate_hz: Some(10.0), encode, sender, last_period: None };
+        let begin = GpsTime::from_week_tow(2300, 0.0).unwrap();
+        let off_s = [0.0, -4e-4, 4e-4, -9e-4];
+        let due: Vec<usize> = (0..40)
+            .filter(|number| !(12..19).contains(number))
+            .filter(|number| {
+                sink.is_due(begin + (0.05 * *number as f64 + off_s[number % off_s.len()]))
+            })
+            .collect();
+        assert_eq!(due, [0, 2, 4, 6, 8, 10, 19, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38]);
+        sink.rate_hz = None;
+        assert!(sink.is_due(begin) && sink.is_due(begin));
+    }
+}

@@ -1,0 +1,373 @@
+//! The service put together: inputs, engine, outputs, page; and its life from start to stop.
+
+use std::collections::VecDeque;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, PoisonError, mpsc};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+
+use kurs::differential::Differential;
+use kurs::ephemeris::{AsReceived, NavigationData};
+use kurs::observation::ArrayEpoch;
+use kurs::observation::matcher::{Deadline, Matcher};
+use kurs::solution::EpochSolution;
+use kurs::time::GpsTime;
+use kurs::turn_rate::TurnRate;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use crate::address::Address;
+use crate::decoder::{Pace, Permits};
+use crate::estimator::{Antenna, Estimator, StationEpochs};
+use crate::input::{Event, Input, Running, STATION, Shared};
+use crate::output::{self, Output};
+use crate::state::StateFiles;
+use crate::status::{Status, StreamStatus};
+use crate::{http, systemd};
+
+/// Rows that may wait for the files: a minute at 100 Hz.
+const MAX_ROWS: usize = 6000;
+/// Outputs get so long to send what they have when the service stops.
+const LAST_WORDS: Duration = Duration::from_millis(200);
+/// The engine is taken for stuck when its thread shows no life for so long.
+const STUCK_AFTER: Duration = Duration::from_secs(5);
+
+/// When the bytes of a row came in, and when it went out.
+#[derive(Debug, Clone, Copy)]
+pub struct Times {
+    /// The first byte of the first antenna's epoch.
+    pub first_byte: Instant,
+    /// The last byte of the last antenna's epoch.
+    pub last_byte: Instant,
+    /// The same by the system's clock.
+    pub last_byte_utc: SystemTime,
+    /// The row was there.
+    pub row_out: Instant,
+    /// The same by the system's clock.
+    pub row_out_utc: SystemTime,
+}
+
+/// Makes an engine that knows these navigation data; the error is for the log.
+pub type MakeEngine = Box<dyn Fn(NavigationData) -> Result<Differential, String> + Send>;
+/// What is done to a row behind the engine.
+pub type Finish = Box<dyn FnMut(&ArrayEpoch, &mut EpochSolution) + Send>;
+/// Writes a row to the files; the error is for the log.
+pub type WriteRow = Box<dyn FnMut(&EpochSolution) -> Result<(), String> + Send>;
+/// The position of a row as a GGA sentence, for casters.
+pub type Gga = Box<dyn Fn(&EpochSolution) -> Option<String> + Send>;
+
+/// Everything that the service is made of.
+pub struct Setup {
+    /// Streams.
+    pub inputs: Vec<Input>,
+    /// Number of antennas.
+    pub antennas: usize,
+    /// Navigation data that count from the start.
+    pub navigation: NavigationData,
+    /// Makes the engine.
+    pub make_engine: MakeEngine,
+    /// Behind the engine.
+    pub finish: Finish,
+    /// When a row goes without late antennas.
+    pub deadline: Deadline,
+    /// Time that is known before anything came.
+    pub known_time: Option<GpsTime>,
+    /// Rows to files.
+    pub write_row: WriteRow,
+    /// Rows to others.
+    pub outputs: Vec<Output>,
+    /// Position to casters.
+    pub gga: Gga,
+    /// Where the body was, for casters that want to know before the first row.
+    pub first_gga: Option<String>,
+    /// `/healthz` and `/metrics`.
+    pub page: Option<SocketAddr>,
+    /// Where a restart finds what this run knew.
+    pub state_dir: Option<PathBuf>,
+    /// Where the bytes of the streams go.
+    pub log_dir: Option<PathBuf>,
+    /// Ends when every stream has ended.
+    pub once: bool,
+}
+
+/// What a reload changes.
+pub struct Reloaded {
+    /// Streams; those that are as before go on.
+    pub inputs: Vec<Input>,
+    /// Number of antennas; another one needs a restart.
+    pub antennas: usize,
+    /// Makes the engine.
+    pub make_engine: MakeEngine,
+}
+
+/// A new engine for the old one's place.
+pub(crate) struct NewEngine {
+    pub(crate) make: MakeEngine,
+}
+
+impl core::fmt::Debug for NewEngine {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("NewEngine")
+    }
+}
+
+/// Why the service cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The operating system refuses something that is needed.
+    #[error("{what}: {error}")]
+    Io {
+        /// What was tried.
+        what: String,
+        /// Why not.
+        #[source]
+        error: std::io::Error,
+    },
+    /// The engine cannot be made.
+    #[error("{0}")]
+    Engine(String),
+}
+
+fn io(what: impl Into<String>) -> impl FnOnce(std::io::Error) -> ServiceError {
+    let what = what.into();
+    move |error| ServiceError::Io { what, error }
+}
+
+/// Runs the service until SIGINT or SIGTERM, or (once) until every stream has ended. `reload` reads the
+/// configuration again, on SIGHUP.
+///
+/// # Errors
+///
+/// [`ServiceError`] if it cannot start.
+pub fn run(
+    setup: Setup,
+    reload: impl Fn() -> Result<Reloaded, String>,
+) -> Result<(), ServiceError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(io("the service cannot start its threads"))?;
+    let result = runtime.block_on(serve(setup, reload));
+    // Decoders of connections that are still open wait for bytes that do not matter any more.
+    runtime.shutdown_background();
+    result
+}
+
+/// The running inputs with what they were made of.
+struct Inputs {
+    running: Vec<(Input, JoinHandle<()>)>,
+    permits: Vec<Arc<Permits>>,
+    station_permits: Arc<Permits>,
+    statuses: Vec<Arc<StreamStatus>>,
+    station_status: Arc<StreamStatus>,
+    shared: Shared,
+}
+
+impl Inputs {
+    fn start(&mut self, input: Input) {
+        let of = |antenna: usize| match antenna {
+            STATION => (Arc::clone(&self.station_status), Arc::clone(&self.station_permits)),
+            _ => (Arc::clone(&self.statuses[antenna]), Arc::clone(&self.permits[antenna])),
+        };
+        let (statuses, permits) = input.antennas.iter().map(|(antenna, ..)| of(*antenna)).unzip();
+        let running = Running::new(input.clone(), statuses, permits, self.shared.clone());
+        self.running.push((input, tokio::spawn(running.run())));
+    }
+
+    /// Streams that are as before go on, others end, new ones begin.
+    fn change(&mut self, inputs: Vec<Input>) {
+        self.running.retain(|(input, task)| {
+            let stays = inputs.contains(input);
+            if !stays {
+                task.abort();
+                for (antenna, ..) in &input.antennas {
+                    let _ = self.shared.events.send(Event::Left { antenna: *antenna });
+                }
+            }
+            stays
+        });
+        for input in inputs {
+            if !self.running.iter().any(|(running, _)| *running == input) {
+                self.start(input);
+            }
+        }
+    }
+}
+
+async fn serve(
+    setup: Setup,
+    reload: impl Fn() -> Result<Reloaded, String>,
+) -> Result<(), ServiceError> {
+    let signals = || "signals cannot be received";
+    let mut stop = [
+        signal(SignalKind::interrupt()).map_err(io(signals()))?,
+        signal(SignalKind::terminate()).map_err(io(signals()))?,
+    ];
+    let mut hang_up = signal(SignalKind::hangup()).map_err(io(signals()))?;
+
+    let status = Arc::new(Status::new());
+    if let Some(at) = setup.page {
+        let bound = http::serve(at, Arc::clone(&status)).await.map_err(io(format!("page {at}")))?;
+        tracing::info!("metrics at http://{bound}/metrics");
+    }
+    let (events, received) = mpsc::channel();
+    let (gga_sender, gga) = watch::channel(setup.first_gga);
+    let (time_sender, known_time) = watch::channel(setup.known_time);
+    let shared = Shared {
+        events: events.clone(),
+        pace: Arc::new(Pace::default()),
+        gga,
+        known_time,
+        log_dir: setup.log_dir,
+        once: setup.once,
+    };
+    let stream_status = |number: usize| {
+        let input = setup.inputs.iter().find(|i| i.antennas.iter().any(|(n, ..)| *n == number));
+        let name = input.and_then(|i| i.antennas.iter().find(|(n, ..)| *n == number));
+        let name = name.map_or_else(|| "station".to_owned(), |(_, name, _)| name.clone());
+        let baud = input.and_then(|i| match i.address {
+            Address::Serial { baud, .. } => Some(baud),
+            _ => None,
+        });
+        Arc::new(StreamStatus::new(name, baud))
+    };
+    let mut inputs = Inputs {
+        running: Vec::new(),
+        permits: (0..setup.antennas).map(|_| Arc::default()).collect(),
+        station_permits: Arc::default(),
+        statuses: (0..setup.antennas).map(stream_status).collect(),
+        station_status: stream_status(STATION),
+        shared,
+    };
+    *status.streams.lock().unwrap_or_else(PoisonError::into_inner) = inputs.statuses.clone();
+
+    let (rows, written) = mpsc::sync_channel(MAX_ROWS);
+    let writer = start_writer(setup.write_row, written)?;
+    let heartbeat = Arc::new(AtomicU64::new(0));
+    let estimator = Estimator {
+        turn_rate: TurnRate::default(),
+        engine: (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?,
+        finish: setup.finish,
+        matcher: matcher(&setup.inputs, setup.antennas, setup.deadline),
+        received: AsReceived::new(setup.antennas),
+        antennas: antennas(&inputs),
+        station: StationEpochs::new(Arc::clone(&inputs.station_permits)),
+        navigation: setup.navigation,
+        status: Arc::clone(&status),
+        sinks: setup.outputs.into_iter().map(|o| output::start(o, Arc::clone(&status))).collect(),
+        rows,
+        gga: (gga_sender, setup.gga),
+        known_time: time_sender,
+        state: setup.state_dir.map(StateFiles::new),
+        saved: Instant::now(),
+        began: Instant::now(),
+        inputs: setup.inputs.len(),
+        once: setup.once,
+        heartbeat: Arc::clone(&heartbeat),
+    };
+    let mut solving = tokio::task::spawn_blocking(move || estimator.run(&received));
+    setup.inputs.into_iter().for_each(|input| inputs.start(input));
+    systemd::notify("READY=1");
+    tokio::spawn(tell_systemd(heartbeat));
+
+    loop {
+        tokio::select! {
+            _ = &mut solving => break,
+            () = any(&mut stop) => {
+                systemd::notify("STOPPING=1");
+                let _ = events.send(Event::Stop);
+                let _ = (&mut solving).await;
+                break;
+            }
+            _ = hang_up.recv() => match reload() {
+                Ok(new) if new.antennas != inputs.statuses.len() => {
+                    tracing::error!("another number of antennas needs a restart; nothing was changed");
+                }
+                Ok(new) => {
+                    inputs.change(new.inputs);
+                    let make = NewEngine { make: new.make_engine };
+                    let _ = events.send(Event::Reload(Box::new(make)));
+                }
+                Err(what) => tracing::error!("nothing was changed: {what}"),
+            },
+        }
+    }
+    inputs.running.iter().for_each(|(_, task)| task.abort());
+    // The engine is gone, and with it the sender of rows: the writer ends with the last one.
+    let _ = tokio::task::spawn_blocking(move || writer.join()).await;
+    tokio::time::sleep(LAST_WORDS).await;
+    Ok(())
+}
+
+/// Logs that are read as fast as possible wait for each other; everything else has a deadline.
+fn matcher(inputs: &[Input], antennas: usize, deadline: Deadline) -> Matcher {
+    let of_antennas = inputs.iter().filter(|i| i.antennas.iter().any(|(n, ..)| *n != STATION));
+    let mut addresses = of_antennas.map(|input| &input.address);
+    match addresses.all(Address::is_unpaced_file) {
+        true => Matcher::new(antennas),
+        false => Matcher::new(antennas).with_deadline(deadline),
+    }
+}
+
+fn antennas(inputs: &Inputs) -> Vec<Antenna> {
+    let parts = inputs.permits.iter().zip(&inputs.statuses);
+    parts
+        .map(|(permits, status)| Antenna {
+            permits: Arc::clone(permits),
+            status: Arc::clone(status),
+            out: 0,
+            arrivals: VecDeque::new(),
+        })
+        .collect()
+}
+
+/// Files have a thread of their own: a disk that stalls delays nothing else.
+fn start_writer(
+    mut write_row: WriteRow,
+    rows: mpsc::Receiver<EpochSolution>,
+) -> Result<thread::JoinHandle<()>, ServiceError> {
+    let write = move || {
+        let mut last_error = String::new();
+        for row in rows {
+            match write_row(&row) {
+                Ok(()) => last_error.clear(),
+                // One that goes on and on is told of once.
+                Err(error) if error == last_error => {}
+                Err(error) => {
+                    tracing::error!("a row cannot be written: {error}");
+                    last_error = error;
+                }
+            }
+        }
+    };
+    let named = thread::Builder::new().name("rows".into());
+    named.spawn(write).map_err(io("the service cannot start its threads"))
+}
+
+async fn any(signals: &mut [Signal; 2]) {
+    let [first, second] = signals;
+    tokio::select! {
+        _ = first.recv() => {}
+        _ = second.recv() => {}
+    }
+}
+
+/// Feeds the watchdog of systemd as long as the engine's thread lives.
+async fn tell_systemd(heartbeat: Arc<AtomicU64>) {
+    let Some(interval) = systemd::watchdog_interval() else { return };
+    let (mut last, mut seen) = (0, Instant::now());
+    loop {
+        let now = heartbeat.load(Relaxed);
+        if now != last {
+            (last, seen) = (now, Instant::now());
+        }
+        if seen.elapsed() < STUCK_AFTER {
+            systemd::notify("WATCHDOG=1");
+        }
+        tokio::time::sleep(interval).await;
+    }
+}
