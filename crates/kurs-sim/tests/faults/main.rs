@@ -79,11 +79,10 @@ impl Tally {
         }
     }
 
-    /// No more wrong fixes than the default rate of one in a thousand allows, a single one at the most in these
-    /// short runs; right ones within `limit_s` after the fault.
+    /// No wrong fix; right ones within `limit_s` after the fault.
     fn assert(&self, what: &str, mode: Ambiguities) {
         println!("{what}, {mode:?}: {self:?}");
-        assert!(self.wrong <= 1, "{what}, {mode:?}");
+        assert_eq!(self.wrong, 0, "{what}, {mode:?}");
         let limit_s = if mode == Ambiguities::Instantaneous { 0.15 } else { 2.0 };
         assert!(self.return_s.is_some_and(|s| s < limit_s), "{what}, {mode:?}: {self:?}");
     }
@@ -126,8 +125,8 @@ fn slips_of_one_cycle() {
                     }
                 });
                 println!("flagged {flagged}, {constraint:?}, {mode:?}: {tally:?}");
-                assert!(tally.wrong <= 1);
-                let least = if constraint == Constraint::Array { 0.99 } else { 0.9 };
+                assert_eq!(tally.wrong, 0);
+                let least = if constraint == Constraint::Array { 0.97 } else { 0.9 };
                 let all = tally.epochs as f64;
                 if mode != Ambiguities::Instantaneous || constraint == Constraint::Array {
                     assert!(tally.fixed as f64 >= least * all, "{tally:?}");
@@ -175,7 +174,8 @@ fn half_cycles() {
     }
 }
 
-/// All Galileo phases of one antenna are off, each by another part of a cycle: GPS alone goes on.
+/// All Galileo phases of one antenna are off, each by another part of a cycle: nothing of it leaves as fixed, and all
+/// is as before afterwards. (GPS alone, one band, is too weak to go on while its noise is hardly known.)
 #[test]
 fn a_biased_constellation() {
     for mode in MODES {
@@ -193,7 +193,7 @@ fn a_biased_constellation() {
             }
         });
         tally.assert("biased constellation", mode);
-        assert!(tally.fixed_during * 10 >= tally.during * 9, "{tally:?}");
+        assert_eq!(tally.not_fixed_later, 0, "{tally:?}");
     }
 }
 
@@ -234,7 +234,7 @@ fn doubled_and_swapped_epochs() {
             tally.count(EVERY, time_s, outcome);
         });
         println!("doubled and swapped, {mode:?}: {tally:?}");
-        assert!(tally.wrong <= 1 && tally.epochs == 661);
-        assert!(tally.fixed >= 660, "{tally:?}");
+        assert_eq!((tally.wrong, tally.epochs), (0, 661));
+        assert!(tally.fixed >= 640, "{tally:?}");
     }
 }

@@ -189,15 +189,6 @@ impl Estimator {
         let doubt = self.session_fit.doubt();
         let problem = Problem { float, links, frame, settings: &self.settings, rate, known, doubt };
         let mut fix = self.searches.fix(&problem);
-        if let Ok(found) = &fix.found {
-            let misfit = if epoch.float.is_recursive() {
-                let (baselines, _) = fix.baselines(&epoch);
-                self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
-            } else {
-                found.misfit
-            };
-            self.session_fit.take(misfit, self.levels.weight(), epoch.time);
-        }
         self.learn_phases(&epoch, &fix);
 
         let (settings, glonass_ifb) = (&self.settings, &self.glonass_ifb);
@@ -215,6 +206,8 @@ impl Estimator {
             (epoch.links, epoch.groups) = (subset.links, subset.groups);
             (epoch.float, fix) = (subset.float, subset.fix);
         }
+        self.learn_fit(&epoch, &fix);
+        let settings = &self.settings;
 
         let predicted =
             predicted.and_then(|p| p.baselines(&epoch.float, &epoch.frame.horizon, settings));
@@ -226,6 +219,18 @@ impl Estimator {
         let fix = decided.unwrap_or(fix);
         let (baselines, correction_m) = fix.baselines(&epoch);
         Fixed { epoch, fix, left_out, baselines, correction_m, predicted, is_decided }
+    }
+
+    /// The session learns how well the best integers fit, with what is known of the geometry.
+    fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix) {
+        let Ok(found) = &fix.found else { return };
+        let misfit = if epoch.float.is_recursive() {
+            let (baselines, _) = fix.baselines(epoch);
+            self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
+        } else {
+            found.misfit
+        };
+        self.session_fit.take(misfit, self.levels.weight(), epoch.time);
     }
 
     /// The phase levels learn from integers that nobody chose because they fit: those of a strong model, and
