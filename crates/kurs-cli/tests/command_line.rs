@@ -250,7 +250,10 @@ fn every_key_has_its_source() {
     for name in ["stern.rnx", "bow.rnx", "nav.rnx"] {
         body = body.replace(name, &file(name));
     }
-    body += "approximate_time = 2024-03-10\n\n[solve]\nelevation_mask_deg = 12.5\n";
+    body = body.replace(
+        "\n[solve]\n",
+        "approximate_time = 2024-03-10\n\n[solve]\nelevation_mask_deg = 12.5\n",
+    );
     fs::write(&config, &body).unwrap();
     let line_of = |text: &str| 1 + body.lines().position(|line| line.starts_with(text)).unwrap();
     let explained = run(
@@ -260,7 +263,7 @@ fn every_key_has_its_source() {
     let has = |line: &str| assert!(explained.lines().any(|l| l == line), "{line}\n{explained}");
     has("solve.bands = [\"G1\"]  [--set]");
     has("solve.constraint = \"length\"  [default: every antenna has a position]");
-    has("solve.array_sd_m = 0.002  [default]");
+    has("solve.max_tilt_deg = 90.0  [default]");
     has(&format!("solve.elevation_mask_deg = 12.5  [boat.toml:{}]", line_of("elevation")));
     has(&format!("nav.approximate_time = 2024-03-10  [boat.toml:{}]", line_of("approximate")));
     has(&format!("nav.files = [\"{}\"]  [--nav]", file("nav.rnx")));

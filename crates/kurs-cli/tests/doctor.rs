@@ -163,7 +163,7 @@ fn reflections() {
 #[test]
 fn no_common_band() {
     let keys = "signals = [\"G1C\", \"E1C\", \"C2I\"]";
-    let configuration = replaced("[nav]\n", "[solve]\nbands = [\"G2\"]\n[nav]\n");
+    let configuration = replaced("[solve]\n", "[solve]\nbands = [\"G2\"]\n");
     named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
 }
 
@@ -175,14 +175,13 @@ fn a_silent_antenna() {
 
 #[test]
 fn a_mask_too_high() {
-    let configuration = replaced("[nav]\n", "[solve]\nelevation_mask_deg = 68.0\n[nav]\n");
+    let configuration = replaced("[solve]\n", "[solve]\nelevation_mask_deg = 68.0\n");
     named("few_satellites", 109, &Fault { configuration, ..Fault::default() });
 }
 
 #[test]
 fn a_single_band_without_geometry() {
-    let configuration =
-        replaced("[nav]\n", "[solve]\nbands = [\"G1\"]\nconstraint = \"none\"\n[nav]\n");
+    let configuration = replaced("[solve]\n", "[solve]\nbands = [\"G1\"]\nconstraint = \"none\"\n");
     let tables = "[noise]\ncode_sd_m = 0.45\nphase_sd_cycles = 0.02\n";
     let folder = TempDir::new().unwrap();
     let found =

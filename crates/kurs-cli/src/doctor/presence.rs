@@ -20,7 +20,7 @@ impl Patient<'_> {
             let there = sample.epochs.iter().filter(|e| e.antennas[antenna].is_some());
             there.count() as f64 / sample.epochs.len() as f64
         };
-        let apart = trials.configured.share_of_reason("time_mismatch");
+        let apart = trials.configured.share_apart();
         if apart > MANY {
             return Some(self.unsynchronised(sample, apart));
         }

@@ -166,6 +166,14 @@ impl Trial {
         self.share_where(|row| row.left_out.is_some_and(is_link))
     }
 
+    /// Share of the epochs in which an antenna was not sampled together with the others.
+    pub(super) fn share_apart(&self) -> f64 {
+        let apart = Reason::TimeMismatch;
+        self.share_where(|row| {
+            row.reason == Some(apart) || row.idle_antennas.iter().any(|(_, why)| *why == apart)
+        })
+    }
+
     fn share_where(&self, holds: impl Fn(&EpochSolution) -> bool) -> f64 {
         let rows = self.rows.iter().filter(|row| holds(row));
         rows.count() as f64 / self.rows.len().max(1) as f64

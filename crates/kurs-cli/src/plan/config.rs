@@ -29,6 +29,9 @@ const KEYS: [&str; 9] = [
     "bands",
 ];
 
+/// Lengths weigh by their standard deviations; places that `kurs solve` takes for exact are as good as this.
+const MIN_LENGTH_SD_M: f64 = 1e-6;
+
 /// The file: an array of its own, or the configuration of `kurs solve`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -231,7 +234,7 @@ impl Settings {
             ("elevation_mask_deg", self.elevation_mask_deg, 0.0, 89.0),
             ("code_sd_m", self.code_sd_m, 1e-3, 1e3),
             ("phase_sd_m", self.phase_sd_m, 1e-6, 1.0),
-            ("length_sd_m", self.length_sd_m, 1e-6, 1.0),
+            ("length_sd_m", self.length_sd_m, MIN_LENGTH_SD_M, 1.0),
             ("step_s", self.step_s, 1.0, 86_400.0),
         ];
         for (key, found, least, most) in ranges {
@@ -266,7 +269,11 @@ impl ArrayFile {
         };
         for (key, value, inherited) in [
             ("elevation_mask_deg", &mut plan.elevation_mask_deg, solve.elevation_mask_deg),
-            ("length_sd_m", &mut plan.length_sd_m, solve.array_sd_m),
+            (
+                "length_sd_m",
+                &mut plan.length_sd_m,
+                solve.array_sd_m.map(|sd_m| sd_m.max(MIN_LENGTH_SD_M)),
+            ),
             ("code_sd_m", &mut plan.code_sd_m, solve.code_sd_m),
             ("phase_sd_m", &mut plan.phase_sd_m, solve.phase_sd_m),
         ] {

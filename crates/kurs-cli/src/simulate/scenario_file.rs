@@ -110,7 +110,8 @@ mod tests {
             for body in &epoch.bodies {
                 for antenna in body.observed.antennas.iter().flatten() {
                     let seen = antenna.observations.len();
-                    assert!(seen >= 12, "{name}: {seen} observations");
+                    // Houses leave a few of one band, an open sky twelve and more.
+                    assert!(seen >= 8, "{name}: {seen} observations");
                 }
             }
         }

@@ -102,7 +102,9 @@ fn noise_beyond_the_length_gives_no_fix() {
     let b = Log { north_m: |k| 2.0 + [1.4, -1.1, 0.3, -0.9, 1.2][k % 5], quality: "1", ..LOG };
     let (code, messages, rows) = orient(&LOG.text(), &b.text(), &[]);
     assert_eq!(code, 3, "{messages}");
-    assert!(rows.iter().all(|row| row[0] == "float"), "{rows:?}");
+    // Where the noise shortens the line it may as well point up as down.
+    let is_refused = |row: &[String; 4]| row[0] == "float" || row[1] == "two_minima";
+    assert!(rows.iter().all(|row| is_refused(row) && row[2].is_empty()), "{rows:?}");
 }
 
 #[test]

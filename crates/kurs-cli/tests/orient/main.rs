@@ -96,7 +96,7 @@ fn the_array_is_estimated_from_the_data() {
 
 /// A number of every row, by the name of its column; `None` for an empty field.
 fn column(folder: &Path, name: &str) -> Vec<Option<f64>> {
-    let mut reader = csv::Reader::from_path(folder.join("kurs-out/attitude.csv")).unwrap();
+    let mut reader = csv::Reader::from_path(folder.join("kurs-out/orient/attitude.csv")).unwrap();
     let place = reader.headers().unwrap().iter().position(|found| found == name).unwrap();
     reader.records().map(|row| row.unwrap()[place].parse().ok()).collect()
 }
@@ -145,7 +145,7 @@ fn the_survey_of_the_array_is_in_the_standard_deviations() {
         let key = format!("[orient]\narray_sd_m = {array_sd_m}\n");
         fs::write(folder.join("config.toml"), simulation.configuration(true) + &key).unwrap();
         kurs(folder, &["orient", "config.toml", "positions.csv", "--quiet"]).success();
-        let summary = fs::read_to_string(folder.join("kurs-out/summary.json")).unwrap();
+        let summary = fs::read_to_string(folder.join("kurs-out/orient/summary.json")).unwrap();
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
         let sds = column(folder, "heading_sd_deg");
         let squares: Vec<f64> = sds.iter().flatten().map(|sd| sd * sd).collect();
