@@ -23,7 +23,6 @@ pub(super) fn findings(
     let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
     if fixed_of_session(sample, trials) < WELL {
         let times = patient.times(sample, trials);
-        let are_together = times.is_none();
         all.extend(times);
         all.extend(presence::gaps(sample));
         all.extend(patient.ephemerides(sample, trials));
@@ -32,20 +31,25 @@ pub(super) fn findings(
         all.extend(bands);
         let shape = shape::wrong(patient, sample, trials);
         let is_misshapen = shape.is_some();
+        // Antennas at each other's places turn the body too: that follows.
+        if is_misshapen {
+            all.retain(|finding| finding.code != "mirrored_array");
+        }
         all.extend(shape);
         // A wrong shape spoils the integers, and with them what follows from them.
         if !is_misshapen {
             all.extend(patient.system(trials));
             all.extend(patient.band_or_links(trials, sample));
         }
-        if are_together {
-            all.extend(patient.idle_antenna(trials));
-        }
         all.extend(patient.antenna(trials));
         all.extend(causes::phases(signals));
         all.extend(patient.noise(trials, is_misshapen));
         if has_bands {
             all.extend(patient.satellites(trials));
+        }
+        // An antenna without a part in the rows is a consequence wherever something else is found.
+        if all.is_empty() {
+            all.extend(patient.idle_antenna(trials));
         }
         if all.is_empty() {
             all.extend(patient.strength(trials));

@@ -157,8 +157,9 @@ fn the_survey_of_the_array_is_in_the_standard_deviations() {
     assert_eq!(nothing, 0.0);
     let added = (surveyed - exact) / installation.powi(2);
     assert!((added - 1.0).abs() < 0.1, "{exact} {surveyed} {installation}");
-    // 1 cm in each coordinate of a square of 0.8 m: 0.01 / 0.8 rad, a little more of three antennas.
-    let expected = (0.01f64 / 0.8).to_degrees();
+    // 1 cm in each coordinate of the corners of a square of 0.8 m: σ / √(Σ r²), Σ r² = 2 · 0.8²; a little more
+    // of three antennas.
+    let expected = (0.01 / (0.8 * core::f64::consts::SQRT_2)).to_degrees();
     assert!((0.9..1.2).contains(&(installation / expected)), "{installation} {expected}");
 }
 

@@ -10,12 +10,11 @@
 //!    with the nearest orthonormal [`frame`] inside,
 //! 4. [`sphere_search`] finds the same over the directions of one baseline: the judge of the others,
 //!    and a way without code observations,
-//! 5. [`success_rate`] says beforehand how often the nearest vector is the right one, and
-//!    [`acceptance`] afterwards whether this one may be used.
+//! 5. [`success_rate`] says beforehand how often the nearest vector is the right one; whether this one may be used is
+//!    a matter of the engine.
 
 use nalgebra::{DMatrix, DVector};
 
-pub mod acceptance;
 pub mod array_constrained;
 mod best_first;
 pub mod decorrelate;
