@@ -57,7 +57,9 @@ pub(super) fn findings(
         if all.is_empty() {
             all.extend(unexplained(sample, trials, integers));
         }
-        all.extend(patient.unused_bands(sample));
+        if has_bands {
+            all.extend(patient.unused_bands(sample));
+        }
     }
     all.extend(presence::broken_files(damage));
     all
