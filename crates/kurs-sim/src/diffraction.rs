@@ -67,7 +67,7 @@ mod tests {
     fn the_phase_is_late_in_the_shadow() {
         for v in [1.0, 1.2] {
             let late_cycles = -knife_edge(v).arg() / (2.0 * PI);
-            assert!((late_cycles - (0.125 + v * v / 4.0)).abs() < 0.03, "{v}: {late_cycles}");
+            assert!((late_cycles - (0.125 + v * v / 4.0)).abs() < 0.04, "{v}: {late_cycles}");
         }
     }
 }

@@ -193,6 +193,6 @@ mod tests {
         let mut with = field(&[effect], L1_M);
         with.add_delayed(Complex::new(-0.5, 0.0), delay_m, L1_M);
         assert!(with.loss_db().abs() < 0.4, "the echo is half the field: {with:?}");
-        assert!(received(&wall(0.5), 180.0, 60.0).loss_db().abs() < 0.3);
+        assert!(received(&wall(0.5), 180.0, 60.0).loss_db().abs() < 1.0);
     }
 }
