@@ -72,7 +72,7 @@ fn three_formats_give_one_path_near_the_truth() {
         assert_same_path(&direct, &track_file(folder.path(), &out.join(name)), 0.001);
     }
     let report = fs::read_to_string(out.join("report.html")).unwrap();
-    for heading in ["Plan", "Profile", "Standard deviation along the path", "Residuals by station"]
+    for heading in ["Track", "Height", "Standard deviation along the path", "Residuals by station"]
     {
         assert!(report.contains(heading), "{heading}");
     }
