@@ -75,7 +75,7 @@ def read_by_pynmeagps(rows, path, is_survey):
             differs(epoch["GNGST"].stdAlt, row["sd_down_m"], 1e-4),
         ]
         if row["status"] == "fixed":
-            wrong.append(differs(epoch["GNHDT"].heading, row["heading_deg"], HEADING_DEG))
+            wrong.append(differs(epoch["GNHDT"].headingT, row["heading_deg"], HEADING_DEG))
             if row["heading_rate_degps"]:
                 wrong.append(differs(epoch["GNROT"].rot, 60 * float(row["heading_rate_degps"]), 0.006))
             if is_survey:
@@ -97,7 +97,8 @@ def read_by_gpsdecode(rows, path):
         return []
     with open(path, "rb") as file:
         text = subprocess.run(["gpsdecode"], stdin=file, capture_output=True, text=True, check=True).stdout
-    reports = [json.loads(line) for line in text.splitlines() if line.startswith("{")]
+    # gpsdecode 3.22 leaves an empty member in reports without a device: `"stdin",,` is not JSON.
+    reports = [json.loads(line.replace(",,", ",")) for line in text.splitlines() if line.startswith("{")]
     places = {clock_of(r["time"][11:-1]): r for r in reports if r["class"] == "TPV" and "altHAE" in r}
     headings = [r["heading"] for r in reports if r["class"] == "ATT" and "heading" in r]
     faults = []

@@ -1,6 +1,6 @@
 //! The program `kurs` as a library with one function, [`run`]: one file per subcommand, and what they share: configuration files
-//! ([`config_file`]), outputs that are never half written ([`output`]) and exit statuses
-//! ([`failure`]).
+//! (`config_file`), outputs that are never half written (`output`) and exit statuses
+//! (`failure`).
 
 #![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
 

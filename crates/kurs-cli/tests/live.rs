@@ -689,9 +689,9 @@ fn foreign_programs_feed_it_and_read_it() {
     let mut client = wait_for("gpsd", || TcpStream::connect(format!("127.0.0.1:{daemon}")).ok());
     client.write_all(b"?WATCH={\"enable\":true,\"json\":true};\n").unwrap();
     client.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-    let mut lines = BufReader::new(client).lines();
+    let mut lines = BufReader::new(client).lines().map_while(Result::ok);
     let attitude = lines.find_map(|line| {
-        let value: serde_json::Value = serde_json::from_str(&line.ok()?).ok()?;
+        let value: serde_json::Value = serde_json::from_str(&line).ok()?;
         (value["class"] == "ATT").then(|| value["heading"].as_f64())?
     });
     let heading_deg = attitude.expect("gpsd gives an attitude");

@@ -15,7 +15,7 @@
 //! likely to be off determines no integer, so none is asked for: beyond [`MAX_MISSING_DB`] the phase is
 //! left out. Below, it has the variance of what the edge may do, all of it common to the bands,
 //!
-//! `σ_e = E (d − d₀)`,   `E` = [`EDGE_M_PER_DB`], `d₀` = [`USUAL_SPREAD_DB`].
+//! `σ_e = E (d − d₀)`,   `E` = `EDGE_M_PER_DB`, `d₀` = `USUAL_SPREAD_DB`.
 //!
 //! **Bands.** Reflections and diffraction of one satellite are alike on all its bands. Taken as independent
 //! they would average, and a fix of five bands would be sure of an error that it cannot see. With a share
@@ -169,7 +169,7 @@ impl LinkNoise {
     }
 }
 
-/// Gives code whose normalised residual is an outlier the variance that makes it one of [`MAX_CODE_SIGMAS`], as
+/// Gives code whose normalised residual is an outlier the variance that makes it one of `MAX_CODE_SIGMAS`, as
 /// Huber's estimator weighs it; whether there was any.
 ///
 /// Reflections put metres on the code for tens of seconds; they should neither decide nor veto.

@@ -3,7 +3,7 @@
 //!
 //! A `$` anywhere on a line begins a sentence; what stands before and behind it (time stamps of
 //! loggers, binary messages) is passed over. A sentence counts only with its checksum, unless those
-//! without any are accepted. GGA and GNS give a time of day; [`dates`] finds the day. Where GST is
+//! without any are accepted. GGA and GNS give a time of day; `dates` finds the day. Where GST is
 //! missing, the quality that they state tells kinds of solutions apart.
 //!
 //! Heights above the ellipsoid are altitude plus separation of the geoid. Where a sentence leaves the
