@@ -97,8 +97,9 @@ def read_by_gpsdecode(rows, path):
         return []
     with open(path, "rb") as file:
         text = subprocess.run(["gpsdecode"], stdin=file, capture_output=True, text=True, check=True).stdout
-    # gpsdecode 3.22 leaves an empty member in reports without a device: `"stdin",,` is not JSON.
-    reports = [json.loads(line.replace(",,", ",")) for line in text.splitlines() if line.startswith("{")]
+    # The attitude of gpsdecode 3.22 is not quite JSON: `"stdin",,"time":"…Z""heading"`.
+    mended = lambda line: line.replace(",,", ",").replace('Z""', 'Z","')
+    reports = [json.loads(mended(line)) for line in text.splitlines() if line.startswith("{")]
     places = {clock_of(r["time"][11:-1]): r for r in reports if r["class"] == "TPV" and "altHAE" in r}
     headings = [r["heading"] for r in reports if r["class"] == "ATT" and "heading" in r]
     faults = []
