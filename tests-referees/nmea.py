@@ -80,10 +80,10 @@ def read_by_pynmeagps(rows, path, is_survey):
                 wrong.append(differs(epoch["GNROT"].rot, 60 * float(row["heading_rate_degps"]), 0.006))
             if is_survey:
                 pashr = epoch["PASHR"]
-                wrong.append(differs(pashr.headstd, row["heading_sd_deg"], HEADING_DEG))
-                wrong.append(differs(pashr.pitchstd, row["pitch_sd_deg"], HEADING_DEG))
+                wrong.append(differs(pashr.hdgAcc, row["heading_sd_deg"], HEADING_DEG))
+                wrong.append(differs(pashr.pitchAcc, row["pitch_sd_deg"], HEADING_DEG))
         else:
-            wrong.append(epoch["GNHDT"].heading != "")
+            wrong.append(epoch["GNHDT"].headingT != "")
         if any(wrong):
             faults.append(f"{row['time_gpst']}: checks {[k for k, is_wrong in enumerate(wrong) if is_wrong]}")
     print(f"pynmeagps: {len(epochs)} epochs of {path.parent.name}, {len(faults)} faults")
