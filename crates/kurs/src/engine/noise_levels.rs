@@ -185,8 +185,6 @@ impl NoiseLevels {
         baseline_unknowns: usize,
     ) {
         let overall = self.code_factor();
-        let kappa = self.code.common.kappa();
-        let expected = |link: &Link| expected_square(link.bands, kappa);
         let epoch = Residuals {
             links,
             residuals,
@@ -194,7 +192,7 @@ impl NoiseLevels {
             baseline_unknowns,
             weight: self.weight,
         };
-        epoch.teach(&mut self.code, overall, expected);
+        epoch.teach(&mut self.code, overall);
     }
 
     /// Learns from the phase residuals that integers leave which nothing else could have been.
@@ -206,8 +204,6 @@ impl NoiseLevels {
         baseline_unknowns: usize,
     ) {
         let overall = self.phase_factor();
-        let kappa = self.phase.common.kappa();
-        let expected = |link: &Link| expected_square(link.bands, kappa);
         let epoch = Residuals {
             links,
             residuals,
@@ -215,7 +211,7 @@ impl NoiseLevels {
             baseline_unknowns,
             weight: self.weight,
         };
-        epoch.teach(&mut self.phase, overall, expected);
+        epoch.teach(&mut self.phase, overall);
     }
 }
 
@@ -230,7 +226,9 @@ struct Residuals<'a> {
 
 impl Residuals<'_> {
     /// Teaches a kind of observation whose level of all bands is `overall`.
-    fn teach(&self, kind: &mut Kind, overall: f64, expected: impl Fn(&Link) -> f64) {
+    fn teach(&self, kind: &mut Kind, overall: f64) {
+        let kappa = kind.common.kappa();
+        let expected = |link: &Link| expected_square(link.bands, kappa);
         // The unknowns take their share of every link.
         let share =
             self.weight * self.degrees_of_freedom as f64 / self.residuals.len().max(1) as f64;
