@@ -69,8 +69,7 @@ fn one_antenna_three_to_five_centimetres_elsewhere() {
     ] {
         let found = refused(&moved(antenna, by_m), 60.0, 1);
         assert_eq!(found.fixed, 0, "{antenna} by {by_m:?}");
-        // The rest of the rows is `float`: no integers fit such an array.
-        assert!(found.share >= 0.7, "{antenna} by {by_m:?}: {}", found.share);
+        assert!(found.share >= 0.95, "{antenna} by {by_m:?}: {}", found.share);
     }
 }
 
@@ -93,7 +92,7 @@ fn one_antenna_two_centimetres_elsewhere() {
     }
     let mean = shares.iter().sum::<f64>() / shares.len() as f64;
     println!("{never_fixed} of {} without a fixed row, refused {mean:.4}", shares.len());
-    assert!(mean >= 0.5, "{never_fixed} {mean}");
+    assert!(mean >= 0.9, "{never_fixed} {mean}");
 }
 
 /// Of the heights of four antennas one combination shows, `Σ cᵢ hᵢ` with `Σ cᵢ = Σ cᵢ xᵢ = Σ cᵢ yᵢ = 0`; the
@@ -104,8 +103,8 @@ fn one_antenna_lower() {
         for lower_m in [0.02, 0.03, 0.04, 0.05] {
             let found = refused(&moved(antenna, [0.0, 0.0, lower_m]), 120.0, 1);
             println!("antenna {antenna} {lower_m} m lower: refused {:.2}", found.share);
-            let shows = antenna == 2 && lower_m > 0.035 || antenna == 3 && lower_m > 0.045;
-            assert!(!shows || found.share >= 0.6, "{antenna} {lower_m}");
+            let shows = antenna != 1 && lower_m > 0.035;
+            assert!(!shows || found.share >= 0.95, "{antenna} {lower_m}");
         }
     }
 }

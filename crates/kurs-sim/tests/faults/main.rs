@@ -126,7 +126,7 @@ fn slips_of_one_cycle() {
                 });
                 println!("flagged {flagged}, {constraint:?}, {mode:?}: {tally:?}");
                 assert_eq!(tally.wrong, 0);
-                let least = if constraint == Constraint::Array { 0.97 } else { 0.9 };
+                let least = if constraint == Constraint::Array { 0.99 } else { 0.9 };
                 let all = tally.epochs as f64;
                 if mode != Ambiguities::Instantaneous || constraint == Constraint::Array {
                     assert!(tally.fixed as f64 >= least * all, "{tally:?}");
@@ -174,8 +174,7 @@ fn half_cycles() {
     }
 }
 
-/// All Galileo phases of one antenna are off, each by another part of a cycle: nothing of it leaves as fixed, and all
-/// is as before afterwards. (GPS alone, one band, is too weak to go on while its noise is hardly known.)
+/// All Galileo phases of one antenna are off, each by another part of a cycle: GPS alone goes on.
 #[test]
 fn a_biased_constellation() {
     for mode in MODES {
@@ -193,6 +192,7 @@ fn a_biased_constellation() {
             }
         });
         tally.assert("biased constellation", mode);
+        assert!(tally.fixed_during * 10 >= tally.during * 9, "{tally:?}");
         assert_eq!(tally.not_fixed_later, 0, "{tally:?}");
     }
 }
@@ -235,6 +235,6 @@ fn doubled_and_swapped_epochs() {
         });
         println!("doubled and swapped, {mode:?}: {tally:?}");
         assert_eq!((tally.wrong, tally.epochs), (0, 661));
-        assert!(tally.fixed >= 640, "{tally:?}");
+        assert!(tally.fixed >= 660, "{tally:?}");
     }
 }

@@ -68,7 +68,7 @@ fn keep_gps(epoch: &mut ArrayEpoch, kept: usize) {
     }
 }
 
-/// GPS teaches the bias of each step of the channel.
+/// GPS teaches the bias of each step of the channel; when most of GPS is lost, GLONASS carries on.
 #[test]
 fn glonass_of_unlike_receivers_learns_from_gps() {
     const LOST_FROM_S: f64 = 20.0;
@@ -87,17 +87,15 @@ fn glonass_of_unlike_receivers_learns_from_gps() {
     };
     let (gps_wrong, gps_alone) = run(0.0, &["G"]);
     let (alike_wrong, alike) = run(0.0, &["G", "R"]);
-    // The first epoch of like receivers, in which nothing is known of the noise yet, is 24 mm off in
-    // height: one of 232 fixes.
-    assert!(gps_wrong == 0 && alike_wrong <= 1, "{gps_wrong} {alike_wrong}");
+    assert_eq!((gps_wrong, alike_wrong), (0, 0));
     // 20, 29 and 47 mm for each step.
     for cycles_per_channel in [0.107, -0.155, 0.25] {
         let (wrong, [all, few]) = run(cycles_per_channel, &["G", "R"]);
-        // Biases of a part of a cycle that are hardly known yet: two of a hundred rows at the most.
-        assert!(wrong <= 2, "{cycles_per_channel}: {wrong}");
+        assert_eq!(wrong, 0, "{cycles_per_channel}");
         // Until five epochs are fixed by GPS alone nothing is known of the bias.
         assert!(all >= 0.9, "{cycles_per_channel}: {all}");
         println!("with three satellites of GPS left: {few} {alike:?} {gps_alone:?}");
+        assert!(few >= 0.9 && few > gps_alone[1] + 0.5, "{few} {alike:?} {gps_alone:?}");
     }
 }
 
@@ -115,7 +113,7 @@ fn geostationary_satellites_off_by_a_part_of_a_cycle() {
         let [counts, _] = count(scene, f64::INFINITY, |_, _| {});
         println!("geostationary satellites {phase_cycles} cycles off: {counts:?}");
         assert_eq!(counts.wrong, 0, "{phase_cycles}");
-        assert!(counts.share() >= 0.85, "{phase_cycles}: {counts:?}");
+        assert!(counts.share() >= 0.95, "{phase_cycles}: {counts:?}");
     }
 }
 
@@ -148,6 +146,6 @@ fn code_full_of_reflections() {
             },
         );
         println!("{antennas} antennas, code of one off by up to 30 m: {right} of {spoilt} right");
-        assert!(f64::from(right) >= 0.1 * f64::from(spoilt), "{right} of {spoilt}");
+        assert!(f64::from(right) >= 0.5 * f64::from(spoilt), "{right} of {spoilt}");
     }
 }

@@ -31,24 +31,16 @@ const MAX_FIXED_SD_M: f64 = 0.3;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
 const MIN_SUCCESS: f64 = 0.5;
 
-/// What is known of the noise level when an epoch is judged: a factor on its variances and the degrees of
-/// freedom behind it.
+/// Degrees of freedom behind the noise level by which an epoch is judged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scale {
-    pub(super) factor: f64,
     pub(super) degrees_of_freedom: f64,
 }
 
 impl Scale {
-    /// Of phases whose level is known with `known` degrees of freedom, together with those of this epoch.
-    pub(super) fn with_epoch(known: f64, epoch: Fit) -> Self {
-        let degrees_of_freedom = known + epoch.degrees_of_freedom as f64;
-        Self { factor: (known + epoch.sum) / degrees_of_freedom, degrees_of_freedom }
-    }
-
-    /// Probability of a sum of squares as large as this or larger.
+    /// Probability of a sum of normalised squares as large as this or larger.
     pub(super) fn probability(self, sum: f64, degrees_of_freedom: usize) -> f64 {
-        fisher_tail(sum / self.factor, degrees_of_freedom as f64, self.degrees_of_freedom)
+        fisher_tail(sum, degrees_of_freedom as f64, self.degrees_of_freedom)
     }
 }
 
@@ -121,7 +113,7 @@ impl Checks {
             level: 1.0 / (1.0 + rate),
         });
         checks.demand(Reason::Closure, 0.0, found.closes);
-        let phases = Scale { factor: 1.0, degrees_of_freedom: known.phase };
+        let phases = Scale { degrees_of_freedom: known.phase };
         checks.judge(Reason::Residuals, conditional.phase_fit, phases);
         checks.judge(misfit_reason(settings), misfit, known.all());
         checks
@@ -195,7 +187,7 @@ pub(super) struct Known {
 impl Known {
     /// Of a sum of squares of both kinds.
     fn all(self) -> Scale {
-        Scale { factor: 1.0, degrees_of_freedom: self.code.min(self.phase) }
+        Scale { degrees_of_freedom: self.code.min(self.phase) }
     }
 }
 

@@ -8,11 +8,12 @@
 //!
 //! `A = Nᵀ P N`,   `h = Nᵀ P r`,   `P = W − W G (Gᵀ W G)⁻¹ Gᵀ W`
 //!
-//! and many say `ΣA`, `Σh`. Multipath does not average from one epoch to the next. What share `ρ` of
-//! the noise stays shows in the differences of successive epochs, which are free of `δ`: of noise that
-//! stays they hold nothing. If the array is right, with the covariance `S` of its survey,
+//! and many say `ΣA`, `Σh`. Multipath does not average from one epoch to the next: a share `ρ` of the noise
+//! stays, which the residuals of the phases tell ([`super::noise_levels`]). How large all of it is, in units of `Q`,
+//! the differences of successive epochs tell, which are free of `δ`: their squares are `t (1 − ρ)` each. If the
+//! array is right, with the covariance `S` of its survey,
 //!
-//! `Σh ~ N(0, (1 + (n − 1) ρ) ΣA + ΣA Nᵀ S N ΣA)`
+//! `Σh ~ N(0, t (1 + (n − 1) ρ) ΣA + ΣA Nᵀ S N ΣA)`
 //!
 //! Geometry does not change from epoch to epoch: once the mean is improbable, an epoch that fits by
 //! itself fits by chance. One wild epoch, whose integers are wrong, counts no more than a bad one.
@@ -28,8 +29,8 @@ use super::acceptance::Scale;
 const FADING_S: f64 = 300.0;
 /// At least this share of the noise variance stays from epoch to epoch.
 const MIN_PERSISTENCE: f64 = 0.1;
-/// Degrees of freedom of successive differences that "all of it stays" counts for at first.
-const PERSISTENCE_DEGREES: f64 = 6.0;
+/// Degrees of freedom of successive differences that `t = 1` counts for at first.
+const LEVEL_PRIOR: f64 = 6.0;
 /// Normalised square that one epoch counts for at most.
 const MAX_SQUARE: f64 = 40.0;
 
@@ -51,6 +52,13 @@ pub(super) struct Misfit {
     pub(super) covariance_m2: DMatrix<f64>,
     /// Standard deviation of the coordinates of the known places, m.
     pub(super) array_sd_m: f64,
+}
+
+impl Misfit {
+    /// With `factor` times the covariance of the noise.
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        Self { covariance_m2: &self.covariance_m2 * factor, ..self.clone() }
+    }
 }
 
 /// Covariance of `baselines` known baselines whose ends were surveyed with `array_sd_m` in each
@@ -159,10 +167,9 @@ impl ArrayMisfit {
         Some(())
     }
 
-    /// Share `ρ` of the noise variance that stays from epoch to epoch.
-    fn persistence(&self) -> f64 {
-        let changing = self.changes / (self.change_degrees + PERSISTENCE_DEGREES);
-        (1.0 - changing).clamp(MIN_PERSISTENCE, 1.0)
+    /// `t`
+    fn noise_level(&self, persistence: f64) -> f64 {
+        (self.changes + LEVEL_PRIOR) / (self.change_degrees * (1.0 - persistence) + LEVEL_PRIOR)
     }
 
     /// `Nᵀ S N`
@@ -177,11 +184,13 @@ impl ArrayMisfit {
         (SESSION_ALARM / self.seen.max(1) as f64).max(MIN_LEVEL)
     }
 
-    /// The mean misfit's square, and its probability if the array is right and the noise level what `scale`
-    /// says; 1 while nothing is known.
-    pub(super) fn judge(&self, scale: Scale) -> (Fit, f64) {
+    /// The mean misfit's square, and its probability if the array is right, the noise level known as `scale` says,
+    /// and a share `persistence` of the noise stays from epoch to epoch; 1 while nothing is known.
+    pub(super) fn judge(&self, scale: Scale, persistence: f64) -> (Fit, f64) {
         let degrees_of_freedom = self.gradient.len();
-        let together = scale.factor * (1.0 + (self.epochs - 1.0).max(0.0) * self.persistence());
+        let persistence = persistence.max(MIN_PERSISTENCE);
+        let more_epochs = (self.epochs - 1.0).max(0.0);
+        let together = self.noise_level(persistence) * (1.0 + more_epochs * persistence);
         let survey_m2 = self.survey_m2(self.array_sd_m);
         let covariance =
             &self.information * together + &self.information * survey_m2 * &self.information;
@@ -189,8 +198,7 @@ impl ArrayMisfit {
             return (Fit::default(), 1.0);
         };
         let sum = self.gradient.dot(&factor.solve(&self.gradient));
-        let unscaled = Scale { factor: 1.0, ..scale };
-        (Fit { sum, degrees_of_freedom }, unscaled.probability(sum, degrees_of_freedom))
+        (Fit { sum, degrees_of_freedom }, scale.probability(sum, degrees_of_freedom))
     }
 }
 
@@ -202,7 +210,7 @@ mod tests {
     use rand_xoshiro::rand_core::SeedableRng;
 
     /// A level that is known well.
-    const KNOWN: Scale = Scale { factor: 1.0, degrees_of_freedom: 1e4 };
+    const KNOWN: Scale = Scale { degrees_of_freedom: 1e4 };
 
     /// Probabilities after 1, 10 and 100 epochs of three baselines with 6 mm of noise, of which this
     /// share stays, when the last antenna is `moved_m` from where it should be.
@@ -237,7 +245,7 @@ mod tests {
             };
             mean.take(&misfit, GpsTime::from_week_tow(2300, f64::from(epoch)).unwrap());
             if [0, 9, 99].contains(&epoch) {
-                found.push(mean.judge(KNOWN).1);
+                found.push(mean.judge(KNOWN, persistence).1);
             }
         }
         found.try_into().unwrap()
@@ -256,7 +264,7 @@ mod tests {
         let mut mean = ArrayMisfit::default();
         let mut take = |longer_m, second| {
             mean.take(&of(longer_m), GpsTime::from_week_tow(2300, second).unwrap());
-            mean.judge(KNOWN).1 < 1e-5
+            mean.judge(KNOWN, 0.5).1 < 1e-5
         };
         assert!(!take(0.001, 0.0));
         assert!(take(0.5, 1.0));

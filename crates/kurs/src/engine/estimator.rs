@@ -64,6 +64,8 @@ pub(super) struct Fixed {
     pub(super) fix: Fix,
     pub(super) left_out: Option<LeftOut>,
     pub(super) baselines: Baselines,
+    /// By which the epoch's own residuals have made their covariance larger than the session's noise does.
+    factor: f64,
     /// Corrections to the approximate baselines that `baselines` holds, m.
     pub(super) correction_m: DVector<f64>,
     predicted: Option<PredictedBaselines>,
@@ -217,20 +219,26 @@ impl Estimator {
             .and_then(|p| self.searches.fix_with_prediction(p, &epoch, settings, known));
         let is_decided = decided.is_some();
         let fix = decided.unwrap_or(fix);
-        let (baselines, correction_m) = fix.baselines(&epoch);
-        Fixed { epoch, fix, left_out, baselines, correction_m, predicted, is_decided }
+        let (mut baselines, correction_m) = fix.baselines(&epoch);
+        let factor = fix.epoch_factor(&epoch);
+        baselines.covariance_m2 *= factor;
+        Fixed { epoch, fix, left_out, baselines, factor, correction_m, predicted, is_decided }
     }
 
-    /// The session learns how well the best integers fit, with what is known of the geometry.
+    /// The session learns how well the best integers fit, with what is known of the geometry: without the phases of
+    /// mixed receivers where those are in doubt, as what they leave is not the geometry's fault.
     fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix) {
         let Ok(found) = &fix.found else { return };
-        let misfit = if epoch.float.is_recursive() {
+        let without_unlike = self.subsets.misfit_without_unlike.filter(|_| !fix.is_accepted());
+        let misfit = if let Some(misfit) = without_unlike {
+            misfit
+        } else if epoch.float.is_recursive() {
             let (baselines, _) = fix.baselines(epoch);
             self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
         } else {
             found.misfit
         };
-        self.session_fit.take(misfit, self.levels.weight(), epoch.time);
+        self.session_fit.take(misfit, self.levels.weight_of_squares(), epoch.time);
     }
 
     /// The phase levels learn from integers that nobody chose because they fit: those of a strong model, and
@@ -279,11 +287,14 @@ impl Estimator {
             };
         }
         let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
-        let scale = Scale::with_epoch(self.levels.phase_degrees_of_freedom(), fix.phase_fit());
+        let known = self.levels.phase_degrees_of_freedom();
+        let scale = Scale { degrees_of_freedom: known + fix.phase_fit().degrees_of_freedom as f64 };
         if let Some(misfit) = orientation.misfit.as_ref().filter(|_| fix.is_sure()) {
-            self.array_misfit.take(misfit, epoch.time);
+            // The mean over epochs has the noise of the session.
+            self.array_misfit.take(&misfit.scaled(1.0 / fixed.factor), epoch.time);
         }
-        let (shape, level) = (self.array_misfit.judge(scale), self.array_misfit.level());
+        let (shape, level) =
+            (self.array_misfit.judge(scale, self.levels.slow_share()), self.array_misfit.level());
         let mut checks = Checks::of_session(fit, shape, level, &self.settings);
         checks.0.extend_from_slice(&fix.checks.0);
         if fix.is_sure() {

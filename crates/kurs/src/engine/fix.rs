@@ -13,6 +13,7 @@ use crate::time::GpsTime;
 
 use super::acceptance::Checks;
 use super::locate::CommonFrame;
+use super::noise_levels;
 use super::search::{Found, Problem, Searches};
 use super::settings::Constraint;
 
@@ -102,6 +103,18 @@ impl Fix {
             covariance_m2: covariance_m2.clone(),
         };
         (baselines, correction_m.clone())
+    }
+
+    /// Factor on the covariance of the baselines: what the residuals of the epoch's phases say of the noise.
+    pub(super) fn epoch_factor(&self, epoch: &Epoch) -> f64 {
+        let (Ok(found), Some(fixed)) = (&self.found, &self.conditional) else { return 1.0 };
+        if !self.is_sure() {
+            return 1.0;
+        }
+        let (links, correction_m) = (&epoch.links, &fixed.correction_m);
+        let residuals = epoch.float.phase_residuals(links, &found.integers, correction_m);
+        let degrees_of_freedom = fixed.phase_fit.degrees_of_freedom;
+        noise_levels::epoch_factor(links, &residuals, degrees_of_freedom, correction_m.len())
     }
 }
 

@@ -12,14 +12,16 @@
 //! integrated (`likelihood.rs`).
 //!
 //! Multipath hardly changes from one epoch to the next, so an epoch counts as far as it is independent
-//! of the one before.
+//! of the one before. How much of the noise is of that slow kind the residuals of successive epochs tell
+//! ([`Slowness`]).
 
 use std::collections::BTreeMap;
 
 use crate::difference::Link;
+use crate::float_solution::Fit;
 use crate::float_solution::recursive::CORRELATION_S;
 use crate::link_noise::{Common, expected_square};
-use crate::signal::Band;
+use crate::signal::{Band, Satellite, Signal};
 use crate::time::GpsTime;
 
 /// Degrees of freedom that the a-priori level of the code counts for.
@@ -27,6 +29,10 @@ const CODE_PRIOR: f64 = 4.0;
 /// Degrees of freedom that the tie between the levels of phase and code counts for: between receivers
 /// and skies the variance ratio of the two varies by a factor of 1.6 (1 sigma), as a χ² of eight degrees does.
 const PHASE_PRIOR: f64 = 8.0;
+/// Degrees of freedom that the level of the session counts for beside one epoch's own residuals: as many as between
+/// skies, which is what a passing reflection makes of one (beyond three sigmas are 1.5 % of the fixes of five bands in a
+/// valley, 2.1 % without it: `bench/real_skies.py --only shadow`).
+const EPOCH_PRIOR: f64 = 8.0;
 /// Degrees of freedom that the level of all bands counts for on each band.
 const BAND_PRIOR: f64 = 10.0;
 /// Share that the bands of a satellite have in common before anything is known, and at least: the epochs that
@@ -40,6 +46,8 @@ const COMMON_PRIOR: f64 = 30.0;
 const MEMORY: f64 = 1000.0;
 /// No session is better than this share of the a-priori standard deviation.
 const MIN_SCALE: f64 = 0.2;
+/// "All noise changes slowly" counts as much as so many squares.
+const SLOW_PRIOR: f64 = 100.0;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
 const MAX_SQUARE: f64 = 2.7 * 2.7;
 /// Share of common errors that baselines leave at least, so that nothing is divided by zero.
@@ -75,6 +83,67 @@ struct Kind {
     all: Squares,
     bands: BTreeMap<Band, Squares>,
     common: CommonShare,
+    slowness: Slowness,
+}
+
+/// Share `s` of the noise variance that changes slowly, in the time `τ` of a Gauss–Markov process; the rest is
+/// white. It is the correlation of the residuals `z` of a link in successive epochs,
+///
+/// `E z_t z_{t−1} / E z² = s e^{−Δt/τ}`.
+///
+/// Squares of residuals `kΔt` apart then correlate by `s² e^{−2kΔt/τ}`, so that one epoch of a long series counts
+/// as
+///
+/// `1 / (1 + 2 Σ_k s² e^{−2kΔt/τ}) ≈ 1 / (1 + s² τ/Δt)`
+///
+/// independent ones.
+#[derive(Debug, Clone, Default)]
+struct Slowness {
+    /// Of the last epoch, sorted.
+    last: Vec<(LinkKey, f64)>,
+    last_time: Option<GpsTime>,
+    products: f64,
+    squares: f64,
+}
+
+type LinkKey = (usize, Satellite, Signal);
+
+impl Slowness {
+    /// `s`
+    fn share(&self) -> f64 {
+        ((self.products + SLOW_PRIOR) / (self.squares + SLOW_PRIOR)).clamp(0.0, 1.0)
+    }
+
+    /// How much of an independent epoch one is that comes so long after the one before.
+    fn weight(&self, elapsed_s: f64) -> f64 {
+        let share = self.share();
+        1.0 / (1.0 + share * share * CORRELATION_S / elapsed_s.max(1e-3))
+    }
+
+    /// Compares the residuals of an epoch with those of the one before.
+    fn learn(&mut self, links: &[Link], residuals: &[(usize, f64)], time: GpsTime) {
+        let key = |link: usize| (links[link].antenna, links[link].satellite, links[link].signal);
+        let limit = MAX_SQUARE.sqrt();
+        let mut now: Vec<(LinkKey, f64)> =
+            residuals.iter().map(|(link, z)| (key(*link), z.clamp(-limit, limit))).collect();
+        now.sort_unstable_by_key(|(key, _)| *key);
+        let elapsed_s = self.last_time.map_or(f64::INFINITY, |last| time - last);
+        let (mut products, mut squares) = (0.0, 0.0);
+        if elapsed_s > 0.0 && elapsed_s < CORRELATION_S {
+            for (key, z) in &now {
+                let Ok(before) = self.last.binary_search_by_key(key, |(key, _)| *key) else {
+                    continue;
+                };
+                let before = self.last[before].1;
+                products += z * before * (elapsed_s / CORRELATION_S).exp();
+                squares += 0.5 * (z * z + before * before);
+            }
+        }
+        let keep = (1.0 - squares / MEMORY).max(0.5);
+        self.products = self.products * keep + products;
+        self.squares = self.squares * keep + squares;
+        (self.last, self.last_time) = (now, Some(time));
+    }
 }
 
 /// Sums that tell the share `κ` of the variance that the `B` bands of a satellite have in common. With the
@@ -114,23 +183,33 @@ impl Kind {
 pub(super) struct NoiseLevels {
     code: Kind,
     phase: Kind,
-    last: Option<GpsTime>,
-    /// Of the epoch, beside those before.
-    weight: f64,
+    /// Of the epoch, and what has passed since the one before.
+    time: Option<GpsTime>,
+    elapsed_s: f64,
 }
 
 impl NoiseLevels {
-    /// Begins the epoch at `time`: how much it counts beside those before, as the mean of a
-    /// Gauss–Markov process demands.
+    /// Begins the epoch at `time`.
     pub(super) fn begin(&mut self, time: GpsTime) {
-        let elapsed_s = self.last.map_or(f64::INFINITY, |last| time - last);
-        self.last = Some(time);
-        self.weight = (elapsed_s / (2.0 * CORRELATION_S)).clamp(0.0, 1.0);
+        self.elapsed_s = self.time.map_or(f64::INFINITY, |last| (time - last).max(0.0));
+        self.time = Some(time);
     }
 
-    /// How much of an independent epoch this one is.
+    /// Share of the variance of the phases' noise that changes slowly.
+    pub(super) fn slow_share(&self) -> f64 {
+        self.phase.slowness.share()
+    }
+
+    /// How much of an independent epoch the squares of this one are, of code and phases.
+    pub(super) fn weight_of_squares(&self) -> f64 {
+        let weight = |kind: &Kind| kind.slowness.weight(self.elapsed_s);
+        weight(&self.code).min(weight(&self.phase))
+    }
+
+    /// How much of an independent epoch this one is if all noise changes slowly, as the mean of a
+    /// Gauss–Markov process demands.
     pub(super) fn weight(&self) -> f64 {
-        self.weight
+        (self.elapsed_s / (2.0 * CORRELATION_S)).min(1.0)
     }
 
     fn code_factor(&self) -> f64 {
@@ -185,13 +264,9 @@ impl NoiseLevels {
         baseline_unknowns: usize,
     ) {
         let overall = self.code_factor();
-        let epoch = Residuals {
-            links,
-            residuals,
-            degrees_of_freedom,
-            baseline_unknowns,
-            weight: self.weight,
-        };
+        self.code.slowness.learn(links, residuals, self.time.unwrap_or_default());
+        let weight = self.code.slowness.weight(self.elapsed_s);
+        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight };
         epoch.teach(&mut self.code, overall);
     }
 
@@ -204,15 +279,25 @@ impl NoiseLevels {
         baseline_unknowns: usize,
     ) {
         let overall = self.phase_factor();
-        let epoch = Residuals {
-            links,
-            residuals,
-            degrees_of_freedom,
-            baseline_unknowns,
-            weight: self.weight,
-        };
+        self.phase.slowness.learn(links, residuals, self.time.unwrap_or_default());
+        let weight = self.phase.slowness.weight(self.elapsed_s);
+        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight };
         epoch.teach(&mut self.phase, overall);
     }
+}
+
+/// Factor on the covariance of an epoch's baselines: what its own residuals say of the noise, beside
+/// [`EPOCH_PRIOR`]. It only grows: residuals that happen to be small hide errors of the baselines no less.
+pub(super) fn epoch_factor(
+    links: &[Link],
+    residuals: &[(usize, f64)],
+    degrees_of_freedom: usize,
+    baseline_unknowns: usize,
+) -> f64 {
+    let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight: 1.0 };
+    let fit = epoch.of_satellites();
+    let degrees_of_freedom = EPOCH_PRIOR + fit.degrees_of_freedom as f64;
+    ((EPOCH_PRIOR + fit.sum) / degrees_of_freedom).max(1.0)
 }
 
 /// Normalised residuals of an epoch's links, in the order of the links.
@@ -253,30 +338,80 @@ impl Residuals<'_> {
 
     /// What the bands of each satellite have in common.
     fn common(&self) -> CommonShare {
+        let satellites = self.by_satellite();
+        let left = self.left(satellites.len());
+        let mut share = CommonShare::default();
+        for Together { bands, sum, squares } in satellites.into_iter().filter(|s| s.bands > 1) {
+            share.together += self.weight * (sum * sum / left - squares);
+            share.apart += self.weight * (bands - 1) as f64 * squares;
+        }
+        share
+    }
+
+    /// How well the satellites at each antenna fit, all bands of one together: `Σ (Σ z_b)²/B`, as a sum of squares
+    /// of unit variance.
+    fn of_satellites(&self) -> Fit {
+        let satellites = self.by_satellite();
+        let count = satellites.len();
+        let hidden = self.hidden();
+        let free = count as f64 * (1.0 - hidden.by_levels) - self.baseline_unknowns as f64;
+        let sum: f64 = satellites.iter().map(|s| s.sum * s.sum / s.bands as f64).sum();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // at most as many as there are satellites
+        let degrees_of_freedom = free.max(0.0).round() as usize;
+        let mean = sum / (count.max(1) as f64 * self.left(count));
+        Fit { sum: mean * degrees_of_freedom as f64, degrees_of_freedom }
+    }
+
+    /// Shares of the errors that no residual shows.
+    fn hidden(&self) -> Hidden {
+        let links = self.residuals.len().max(1) as f64;
+        let hidden = self.residuals.len().saturating_sub(self.degrees_of_freedom) as f64;
+        Hidden { all: hidden / links, by_levels: (hidden - self.baseline_unknowns as f64) / links }
+    }
+
+    /// What residuals show of a satellite's common error, as a share of what they show of one link's: a residual of
+    /// one link is a share of its error, of the common ones a smaller one, as the same unknowns stand against
+    /// fewer errors.
+    fn left(&self, satellites: usize) -> f64 {
+        let hidden = self.hidden();
+        let of_common = self.baseline_unknowns as f64 / satellites.max(1) as f64;
+        let left = (1.0 - hidden.by_levels - of_common) / (1.0 - hidden.all).max(1e-3);
+        left.max(MIN_LEFT)
+    }
+
+    /// Sums over the bands of each satellite at each antenna.
+    fn by_satellite(&self) -> Vec<Together> {
         let key = |residual: &(usize, f64)| {
             let link = &self.links[residual.0];
             (link.antenna, link.satellite)
         };
         let mut sorted = self.residuals.to_vec();
         sorted.sort_by_key(key);
-        let satellites = sorted.chunk_by(|a, b| key(a) == key(b)).count();
-        // A residual of one link is a share of its error, of the common ones a smaller one: the same
-        // unknowns stand against fewer errors.
-        let links = self.residuals.len();
-        let hidden = links.saturating_sub(self.degrees_of_freedom) as f64;
-        let of_each = 1.0 - hidden / links.max(1) as f64;
-        let baselines = self.baseline_unknowns as f64;
-        let left =
-            1.0 - (hidden - baselines) / links.max(1) as f64 - baselines / satellites.max(1) as f64;
-        let left = (left / of_each.max(1e-3)).max(MIN_LEFT);
-        let mut share = CommonShare::default();
-        for of_satellite in sorted.chunk_by(|a, b| key(a) == key(b)).filter(|s| s.len() > 1) {
-            let limit = MAX_SQUARE.sqrt();
-            let values = || of_satellite.iter().map(|(_, z)| z.clamp(-limit, limit));
-            let (sum, squares): (f64, f64) = (values().sum(), values().map(|z| z * z).sum());
-            share.together += self.weight * (sum * sum / left - squares);
-            share.apart += self.weight * (of_satellite.len() - 1) as f64 * squares;
-        }
-        share
+        let limit = MAX_SQUARE.sqrt();
+        let of_satellite = |residuals: &[(usize, f64)]| {
+            let values = || residuals.iter().map(|(_, z)| z.clamp(-limit, limit));
+            Together {
+                bands: residuals.len(),
+                sum: values().sum(),
+                squares: values().map(|z| z * z).sum(),
+            }
+        };
+        sorted.chunk_by(|a, b| key(a) == key(b)).map(of_satellite).collect()
     }
+}
+
+/// The residuals of one satellite at one antenna.
+#[derive(Debug, Clone, Copy)]
+struct Together {
+    bands: usize,
+    sum: f64,
+    squares: f64,
+}
+
+/// Shares of the errors of links that the unknowns take up: all of them, and those that are no baselines.
+#[derive(Debug, Clone, Copy)]
+struct Hidden {
+    all: f64,
+    by_levels: f64,
 }

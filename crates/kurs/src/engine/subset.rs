@@ -31,7 +31,7 @@ const MAX_SUSPECT_LINKS: usize = 3;
 /// A link whose residual is smaller than this is no suspect, standard deviations.
 const MIN_SUSPECT_SIGMAS: f64 = 2.0;
 
-/// Part of an epoch whose integers are accepted.
+/// Part of an epoch, with its integers.
 #[derive(Debug)]
 pub(super) struct Subset {
     pub(super) left_out: LeftOut,
@@ -46,6 +46,8 @@ pub(super) struct Subset {
 pub(super) struct Subsets {
     /// The last trial without code found nothing; until then none is worth its time.
     no_trial_without_code_until: GpsTime,
+    /// How the best integers of the epoch fit without the phases of mixed receivers, if that was tried.
+    pub(super) misfit_without_unlike: Option<Fit>,
 }
 
 /// An epoch whose integers are not accepted, or doubted.
@@ -175,8 +177,14 @@ impl Subsets {
         let suspects = doubted.suspects(time >= self.no_trial_without_code_until);
         let rate = doubted.settings.max_wrong_fix_rate / suspects.len() as f64;
         let mut fixed: Vec<Subset> = Vec::new();
+        self.misfit_without_unlike = None;
         for suspect in suspects {
             let subset = fix_without(searches, doubted, suspect, rate);
+            if suspect == LeftOut::UnlikePhases {
+                let found = subset.as_ref().and_then(|subset| subset.fix.found.as_ref().ok());
+                self.misfit_without_unlike = found.map(|found| found.misfit);
+            }
+            let subset = subset.filter(|subset| subset.fix.is_accepted());
             if suspect == LeftOut::Code && subset.is_none() {
                 self.no_trial_without_code_until = time + PAUSE_AFTER_FAILURE_S;
             }
@@ -204,5 +212,5 @@ fn fix_without(
     let Doubted { settings, known, doubt, .. } = *doubted;
     let problem = Problem { float: &float, links: &links, frame, settings, rate, known, doubt };
     let fix = searches.fix(&problem);
-    fix.is_accepted().then_some(Subset { left_out, links, groups, float, fix })
+    Some(Subset { left_out, links, groups, float, fix })
 }
