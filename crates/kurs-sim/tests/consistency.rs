@@ -75,7 +75,7 @@ fn angles_and_baselines_are_as_good_as_they_say() {
 }
 
 /// Antennas surveyed to 5 mm and to 2 cm, each session with errors of its own: over sessions the errors
-/// of the angles are as large as the covariance says, and most of it is the installation's.
+/// of the angles are as large as the covariance says, and about half of it or more is the installation's.
 #[test]
 fn the_survey_is_in_the_covariance() {
     const SESSIONS: usize = 200;
@@ -105,8 +105,8 @@ fn the_survey_is_in_the_covariance() {
         assert!(fixed * 100 >= 95 * SESSIONS, "{fixed} of {SESSIONS} fixed");
         let (mean, share) = (sum / fixed as f64, installation / fixed as f64);
         println!("survey to {array_sd_m} m: {mean:.3} of 3 ± {:.3}, share {share:.2}", band(fixed));
-        assert!(mean > 1.5 && mean < 3.0 + band(fixed), "{mean}");
-        assert!(share > 0.5 && share < 1.0, "{share}");
+        assert!((mean - 3.0).abs() < band(fixed), "{mean}");
+        assert!(share > 0.4 && share < 1.0, "{share}");
     }
 }
 
@@ -244,8 +244,7 @@ fn survey_errors_are_in_the_covariance() {
     assert!(fixed * 100 >= 90 * SESSIONS, "{fixed} of {SESSIONS} fixed");
     let mean = angles / fixed as f64;
     println!("surveyed anew: mean normalised square {mean:.3} of 3 ± {:.3}", band(fixed));
-    // What bands may have in common makes the sigmas larger where, as here, they have nothing.
-    assert!(mean > 1.5 && mean < 3.0 + band(fixed), "{mean}");
+    assert!((mean - 3.0).abs() < band(fixed), "{mean}");
 }
 
 /// One epoch of each of 300 skies, above the atmosphere, where the models of estimator and simulator

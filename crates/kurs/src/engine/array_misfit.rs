@@ -167,9 +167,10 @@ impl ArrayMisfit {
         Some(())
     }
 
-    /// `t`
+    /// `t`; larger than `Q` says is none of it, whose level the residuals have taught.
     fn noise_level(&self, persistence: f64) -> f64 {
-        (self.changes + LEVEL_PRIOR) / (self.change_degrees * (1.0 - persistence) + LEVEL_PRIOR)
+        let expected = self.change_degrees * (1.0 - persistence);
+        ((self.changes + LEVEL_PRIOR) / (expected + LEVEL_PRIOR)).min(1.0)
     }
 
     /// `Nᵀ S N`
@@ -264,7 +265,7 @@ mod tests {
         let mut mean = ArrayMisfit::default();
         let mut take = |longer_m, second| {
             mean.take(&of(longer_m), GpsTime::from_week_tow(2300, second).unwrap());
-            mean.judge(KNOWN, 0.5).1 < 1e-5
+            mean.judge(KNOWN, 0.5).1 < 1e-3
         };
         assert!(!take(0.001, 0.0));
         assert!(take(0.5, 1.0));
