@@ -226,12 +226,15 @@ impl Estimator {
     }
 
     /// The session learns how well the best integers fit, with what is known of the geometry: without the phases of
-    /// mixed receivers where those are in doubt, as what they leave is not the geometry's fault.
+    /// mixed receivers where those are in doubt, as what they leave is not the geometry's fault. Integers that fit best
+    /// to what earlier epochs know of them fit the epoch itself only if they are right, so only sure ones count.
     fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix) {
         let Ok(found) = &fix.found else { return };
         let without_unlike = self.subsets.misfit_without_unlike.filter(|_| !fix.is_accepted());
         let misfit = if let Some(misfit) = without_unlike {
             misfit
+        } else if epoch.float.is_recursive() && !fix.is_sure() {
+            return;
         } else if epoch.float.is_recursive() {
             let (baselines, _) = fix.baselines(epoch);
             self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)

@@ -91,18 +91,29 @@ impl Default for Searches {
 }
 
 impl Searches {
-    /// The most probable integers under the constraint in force.
+    /// The most probable integers under the constraint in force; where these are not sure, those that are sure
+    /// without it: a right geometry never loses them, and a wrong one shows by the checks that they are going to fail.
     ///
     /// # Errors
     ///
     /// The reason why there are none.
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
-        let mut found = self.find_constrained(problem)?;
-        let is_constrained = problem.settings.constraint != Constraint::None;
-        if is_constrained && problem.doubt > 0.0 && found.rivals <= problem.rate {
-            found.doubt = problem.doubt * self.none_of_them(problem, &found);
+        let found = self.find_constrained(problem);
+        if problem.settings.constraint == Constraint::None {
+            return found;
         }
-        Ok(found)
+        match found {
+            Ok(mut found) if problem.is_sure(&found) => {
+                if problem.doubt > 0.0 {
+                    found.doubt = problem.doubt * self.none_of_them(problem, &found);
+                }
+                Ok(found)
+            }
+            unsure => {
+                let free = self.without_constraint(problem).ok();
+                free.filter(|found| problem.is_sure(found)).map_or(unsure, Ok)
+            }
+        }
     }
 
     /// Probability of integers that nothing is known of but the epoch, over that of those `found` under the
@@ -128,14 +139,14 @@ impl Searches {
     /// The most probable integers, if the geometry is right.
     fn find_constrained(&mut self, problem: &Problem) -> Result<Found, Reason> {
         match (problem.settings.constraint, &problem.settings.array) {
-            (Constraint::Length, Some(array)) => self.lengths_or_free(problem, array),
+            (Constraint::Length, Some(array)) => self.with_lengths(problem, array),
             // Without code the search of the array has no end; the checks come after.
             (Constraint::Array, Some(array)) if problem.float.is_without_code() => {
                 self.with_lengths(problem, array)
             }
             (Constraint::Array, Some(array)) => self
                 .with_array(problem, array)
-                .or_else(|reason| self.without_array(reason, problem, array)),
+                .or_else(|reason| self.sure_lengths(problem, array).ok_or(reason)),
             _ => self.without_constraint(problem),
         }
     }
@@ -202,35 +213,9 @@ impl Searches {
         problem.weigh(float, &list, self.array.proven_to(), rate, constrained)
     }
 
-    /// Where the search of the array finds no end, integers that are sure without it: of all baselines
-    /// with nothing known, or of each with its length. If the array is wrong, they show it by the checks
-    /// that they are going to fail.
-    fn without_array(
-        &mut self,
-        reason: Reason,
-        problem: &Problem,
-        array: &AntennaArray,
-    ) -> Result<Found, Reason> {
-        let sure = |found: &Found| found.rivals <= problem.rate;
-        if let Some(found) = self.without_constraint(problem).ok().filter(sure) {
-            return Ok(found);
-        }
-        self.with_lengths(problem, array).ok().filter(sure).ok_or(reason)
-    }
-
-    /// Lengths of several baselines are searched each by itself, and lose what ties them together: what is
-    /// sure without them stays so.
-    fn lengths_or_free(
-        &mut self,
-        problem: &Problem,
-        array: &AntennaArray,
-    ) -> Result<Found, Reason> {
-        let lengths = self.with_lengths(problem, array);
-        let sure = |found: &Found| found.rivals <= problem.rate && found.closes;
-        if problem.float.rovers.len() < 2 || lengths.as_ref().is_ok_and(sure) {
-            return lengths;
-        }
-        self.without_constraint(problem).ok().filter(sure).map_or(lengths, Ok)
+    /// Where the search of the array finds no end: integers of each baseline with its length, if they are sure.
+    fn sure_lengths(&mut self, problem: &Problem, array: &AntennaArray) -> Option<Found> {
+        self.with_lengths(problem, array).ok().filter(|found| problem.is_sure(found))
     }
 
     /// Each baseline by itself with its known length; the joint ambiguities follow from the
@@ -309,6 +294,11 @@ impl Searches {
 }
 
 impl Problem<'_> {
+    /// Whether all other integers are improbable.
+    fn is_sure(&self, found: &Found) -> bool {
+        found.rivals <= self.rate && found.closes
+    }
+
     /// Weighs the candidates (cheapest first) of a float solution against each other; all that were
     /// not found cost `proven_to` or more. The constraint fixes `constrained` coordinates.
     fn weigh(
