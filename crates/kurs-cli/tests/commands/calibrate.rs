@@ -253,6 +253,17 @@ fn problems_are_named() {
     let output = calibrate(folder, "gyro-bias", &[rest], &[]);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
     assert!(!text(&output.stdout).contains("NaN"));
+    // Counts of a converter in place of rad/s.
+    let mut counts = String::from("time_s,gx_radps,gy_radps,gz_radps\n");
+    (0..500).for_each(|k| {
+        writeln!(counts, "{},{},-3,{}", f64::from(k) * 0.01, 40 + k % 3, k % 2).unwrap()
+    });
+    let counts = write(folder, "counts.csv", &counts);
+    let output = calibrate(folder, "gyro-bias", &[counts], &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    assert!(
+        text(&output.stderr).contains("rad/s at rest, sensors have less than 1 rad/s: raw counts")
+    );
     let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
     refused("six-position", &[words], "no sensor columns; expected ax_mps2");
 }

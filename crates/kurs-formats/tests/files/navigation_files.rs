@@ -409,3 +409,45 @@ proptest! {
         }
     }
 }
+
+/// Files joined one behind the other: the second header is read as one, also in another version.
+#[test]
+fn joined_files_are_read_with_their_own_headers() {
+    let first = file_3(RECORDS);
+    let lines = first.lines().count() as u64;
+    let leap = header("    18", "LEAP SECONDS");
+    let second = file_3(RECORDS).replacen("3.05", "4.00", 1);
+    let second =
+        second.replacen("END OF HEADER", &format!("COMMENT\n{leap}{:60}END OF HEADER", ""), 1);
+    let (data, summary) = read(&[first.as_str(), &second].concat());
+    assert_eq!(satellites(&data), satellites(&read(&first).0));
+    assert_eq!(data.leap_seconds, Some(18));
+    let damage: Vec<_> =
+        summary.damage.listed().iter().map(|d| (d.line, d.what.as_ref())).collect();
+    assert_eq!(damage, [(lines + 1, "a second header: files were joined here")]);
+}
+
+/// A line that is there twice, and a record that lost its first line: neither is read as numbers of
+/// the record before.
+#[test]
+fn lines_too_many_are_no_numbers_of_a_record() {
+    let (all, _) = read(&file_3(RECORDS));
+    let mut lines: Vec<&str> = RECORDS.lines().collect();
+    lines.insert(4, lines[3]);
+    let (data, summary) = read(&file_3(&lines.join("\n")));
+    assert_eq!(satellites(&data), satellites(&all)[1..]);
+    let [damage] = summary.damage.listed() else { panic!("{:?}", summary.damage) };
+    let what = "G15: 9 lines, expected 7 or 8; the record is left out";
+    assert_eq!((damage.line, damage.what.as_ref()), (3, what));
+
+    let mut lines: Vec<&str> = RECORDS.lines().collect();
+    let qzss = lines.iter().position(|line| line.starts_with('J')).unwrap();
+    lines.remove(qzss);
+    let (data, summary) = read(&file_3(&lines.join("\n")));
+    let others: Vec<_> =
+        all.ephemerides.iter().filter(|e| e.satellite().system != System::Qzss).collect();
+    assert_eq!(data.ephemerides.iter().collect::<Vec<_>>(), others);
+    let [damage] = summary.damage.listed() else { panic!("{:?}", summary.damage) };
+    let what = "C10: 15 lines, expected 7 or 8; the rest has no satellite and is not read";
+    assert_eq!(damage.what, what);
+}

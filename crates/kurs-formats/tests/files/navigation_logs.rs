@@ -178,6 +178,35 @@ fn ephemerides_of_a_log_are_those_that_were_written() {
     }
 }
 
+/// A log that begins in the midst of the subframes: the date stands behind them, in the first epoch.
+#[test]
+fn subframes_before_the_first_epoch_have_its_date() {
+    let Some(data) = broadcast() else { return };
+    let log = &logs(&data)[0].1;
+    let [epochs, subframes] = [0x15, 0x13].map(|id| {
+        let of_id = ubx_messages(log).into_iter().filter(|message| message[3] == id);
+        of_id.collect::<Vec<_>>().concat()
+    });
+    let mut found = NavigationData::default();
+    let bytes = std::io::Cursor::new([subframes, epochs].concat());
+    let summary = navigation::read(&mut Source::new(bytes, "log").unwrap(), &mut found).unwrap();
+    assert_eq!(summary.damage.listed(), []);
+    let counts = compare(&found, &data, "ubx");
+    assert!(counts.contains_key(&System::Glonass), "its strings do not tell the day: {counts:?}");
+}
+
+/// The messages of a UBX log.
+fn ubx_messages(log: &[u8]) -> Vec<&[u8]> {
+    let mut rest = log;
+    std::iter::from_fn(move || {
+        let length = u16::from_le_bytes([*rest.get(4)?, rest[5]]);
+        let (message, behind) = rest.split_at(8 + usize::from(length));
+        rest = behind;
+        Some(message)
+    })
+    .collect()
+}
+
 /// F/NAV: message 1045, pages of E5a in UBX and SBF, decoded blocks.
 #[test]
 fn galileo_fnav_in_logs() {

@@ -171,6 +171,17 @@ fn logs_that_give_nothing_say_why() {
     assert_eq!(code, 1);
     assert!(messages.contains("B.nmea: no GGA and no GNS (10 RMC)"), "{messages}");
 
+    let undated = |log: &str| -> String {
+        log.split_inclusive('\n').filter(|line| !line.contains("RMC")).collect()
+    };
+    let (code, messages, _) = orient(&undated(&a), &undated(&b), &[]);
+    assert_eq!(code, 1);
+    assert!(
+        messages.contains("A.nmea: 10 positions that cannot be used (10 GGA): no RMC"),
+        "{messages}"
+    );
+    assert!(messages.contains("(give --date)"), "{messages}");
+
     // Sentences of one epoch on one line.
     let glued = |log: &str| log.replace("\r\n$GNRMC", "$GNRMC");
     let (code, _, rows) = orient(&glued(&a), &glued(&b), &[]);
