@@ -7,6 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::program::{run, text};
+
 use kurs_sim::noise::Noise;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -102,10 +104,6 @@ fn calibrate(folder: &Path, method: &str, files: &[PathBuf], more: &[&str]) -> O
 fn found(folder: &Path, output: &Output) -> Calibration {
     assert!(output.status.success(), "{}", text(&output.stderr));
     toml::from_str(&fs::read_to_string(folder.join("out/calibration.toml")).unwrap()).unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// Root mean square errors of scale, misalignment and bias; every error within 4.5 of its stated
@@ -351,12 +349,6 @@ fn damage_in_the_log_is_named_and_survived() {
     let output = calibrate(folder, "six-position", &nothing, &[]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("empty.csv: no usable row"));
-}
-
-fn run(arguments: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO_BIN_EXE_kurs")).args(arguments).output().unwrap();
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    output
 }
 
 /// The whole way: a box simulated in six poses is calibrated, and the arm that carries the same

@@ -5,7 +5,9 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
+
+use crate::program::{kurs, run, text};
 
 /// Without the reflections of the built-in scenario: errors of the fixes are independent.
 const SCENARIO: &str = r#"
@@ -54,20 +56,6 @@ to_s = 70.1
 "#;
 
 const OUTAGE_S: core::ops::Range<f64> = 60.1..70.1;
-
-fn kurs(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_kurs")).args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn run(arguments: &[&str]) -> Output {
-    let output = kurs(arguments);
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    output
-}
 
 /// Simulates and solves; the folder then holds `fuse.toml`.
 fn simulated(folder: &Path, scenario: &str) {

@@ -15,6 +15,7 @@ mod orient;
 mod phase_centers;
 mod plan;
 mod precise_orbits;
+mod program;
 mod receiver_logs;
 mod recordings;
 mod simulate;

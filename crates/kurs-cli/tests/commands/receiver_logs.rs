@@ -8,6 +8,8 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::rc::Rc;
 
+use crate::program::run;
+
 use assert_cmd::Command;
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::frames::Vector;
@@ -48,15 +50,11 @@ name = "A1"
 position_m = [1.2, 0.0, 0.0]
 "#;
 
-fn kurs(arguments: &[&str]) {
-    Command::cargo_bin("kurs").unwrap().args(arguments).assert().success();
-}
-
 /// The scenario, simulated.
 fn simulated(folder: &Path) {
     let path = |name: &str| folder.join(name).display().to_string();
     fs::write(path("scenario.toml"), SCENARIO).unwrap();
-    kurs(&["simulate", &path("scenario.toml"), "--out", &path("simulated"), "--quiet"]);
+    run(&["simulate", &path("scenario.toml"), "--out", &path("simulated"), "--quiet"]);
 }
 
 /// All epochs of a file.
@@ -86,7 +84,7 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     simulated(folder.path());
-    kurs(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
+    run(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
     let wanted = rows(&folder.path().join("rinex"));
     assert_eq!(wanted.len(), 61);
     assert!(wanted.iter().filter(|row| row.0 == "fixed").count() > 55, "{wanted:?}");
@@ -98,7 +96,7 @@ fn logs_alone_give_the_attitude_of_the_rinex_files() {
         let flags = ["--antenna", &antennas[0], "--antenna", &antennas[1]];
         let out = path(format);
         let exact = ["--set", "array_sd_m=0", "--out", &out, "--quiet"];
-        kurs(&[&["solve"][..], &flags, &exact].concat());
+        run(&[&["solve"][..], &flags, &exact].concat());
         let found = rows(Path::new(&out));
         assert_eq!(found.len(), wanted.len());
         let mut worst_deg = 0f64;
@@ -172,7 +170,7 @@ fn one_log_of_both_antennas_gives_the_same_attitude() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     simulated(folder.path());
-    kurs(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
+    run(&["solve", &path("simulated/kurs.toml"), "--out", &path("rinex"), "--quiet"]);
     let wanted = rows(&folder.path().join("rinex"));
 
     let mut data = NavigationData::default();
@@ -270,7 +268,7 @@ fn as_received_an_ephemeris_counts_from_the_epoch_that_follows_it() {
         let antennas = [flag("A0", "0,0,0"), flag("A1", "1.2,0,0")];
         let as_received = format!("nav.as_received={as_received}");
         let flags = ["--antenna", &antennas[0], "--antenna", &antennas[1], "--set", &as_received];
-        kurs(&[&["solve"][..], &flags, &["--out", &path(out), "--quiet"]].concat());
+        run(&[&["solve"][..], &flags, &["--out", &path(out), "--quiet"]].concat());
         rows(&folder.path().join(out)).into_iter().map(|row| row.0).collect::<Vec<_>>()
     };
     let at_once = solve("at-once", "false");
