@@ -81,7 +81,7 @@ cat <<'END'
 
 100 000 epochs, antennas on the corners of a square of 0.8 m, 1 cm level and 2 cm vertical, one epoch in fifty with an
 antenna displaced by 0.3 m, the fourth antenna missing a third of the time; file to files through the program.
-`cargo test --release -p kurs-cli --test orient -- --ignored --nocapture`
+`cargo test --release -p kurs-cli --test commands orient -- --ignored --nocapture`
 
 END
-quietly cargo test --release -q -p kurs-cli --test orient -- --ignored --nocapture | grep '^|'
+quietly cargo test --release -q -p kurs-cli --test commands orient -- --ignored --nocapture | grep '^|'

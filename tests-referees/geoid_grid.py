@@ -122,7 +122,7 @@ def check():
             continue
         worst = max(abs(a - b) for a, b in zip(found, referee, strict=True))
         print(f"{PLACES} places, worst difference to {name}: {worst:.2f} m")
-        failed |= worst > 1
+        failed |= bool(worst > 1)  # numpy has a truth of its own, which is no exit status
     sys.exit(failed)
 
 

@@ -94,9 +94,15 @@ impl Page {
         let _ = writeln!(self.body, "<h2>{}</h2>", escape(text));
     }
 
-    /// A paragraph of plain text.
+    /// A paragraph of plain text; what stands between backticks is code.
     pub(crate) fn paragraph(&mut self, text: &str) {
-        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+        let escaped = escape(text);
+        let parts = escaped.split('`').enumerate().map(|(k, part)| match k {
+            0 => part.to_owned(),
+            odd if odd % 2 == 1 => format!("<code>{part}"),
+            _ => format!("</code>{part}"),
+        });
+        let _ = writeln!(self.body, "<p>{}</p>", parts.collect::<String>());
     }
 
     /// Numbers to be seen at a glance, each with its name; what stands behind a comma is small.
@@ -217,6 +223,7 @@ mod tests {
         let mut page = Page::new("<script>alert(1)</script>");
         page.table(&["a & b"], &[vec!["<b>".to_owned()]]);
         page.tiles(&[["<i>".to_owned(), "1 < 2".to_owned()]]);
+        page.paragraph("`kurs <x>` says");
         page.plot(&Plot::new());
         let folder = tempfile::tempdir().unwrap();
         page.write(folder.path(), "page.html").unwrap();
@@ -224,6 +231,7 @@ mod tests {
         assert!(text.contains("<h1>&lt;script&gt;alert(1)&lt;/script&gt;</h1>"));
         assert!(text.contains("<th>a &amp; b</th>") && text.contains("<td>&lt;b&gt;</td>"));
         assert!(text.contains("<small>&lt;i&gt;</small><b>1 &lt; 2</b>"));
+        assert!(text.contains("<p><code>kurs &lt;x&gt;</code> says</p>"));
         assert!(!text.contains("<script src="), "no script from the network");
     }
 }

@@ -28,7 +28,7 @@ pub(crate) fn read(
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
     let mut header = Header::default();
-    let mut epoch = None;
+    let (mut epoch, mut has_ended) = (None, false);
     while source.advance()? {
         let (line, number) = (source.line(), source.line_number());
         match line {
@@ -51,11 +51,17 @@ pub(crate) fn read(
                 Ok(None) => {}
                 Err(what) => summary.damage.note(number, what),
             },
-            [b'E', b'O', b'F', ..] => return Ok(()),
+            [b'E', b'O', b'F', ..] => has_ended = true,
+            [b'#', b'a'..=b'd', ..] if has_ended || epoch.is_some() => {
+                summary.damage.note(number, "a second header: files were joined here");
+                (header, epoch, has_ended) = (Header::default(), None, false);
+            }
             _ => header.take(line),
         }
     }
-    summary.damage.note(source.line_number(), "the file ends before EOF");
+    if !has_ended {
+        summary.damage.note(source.line_number(), "the file ends before EOF");
+    }
     Ok(())
 }
 
@@ -249,6 +255,22 @@ EOF
             let time = data.ephemerides.precise().iter().next().unwrap().1[0].time;
             assert_eq!(time.tow_s(), tow_s, "{scale}");
         }
+    }
+
+    /// The header of the second file is its own: another scale of time, other satellites, any day.
+    #[test]
+    fn joined_files_are_read_with_their_own_headers() {
+        let record = "*  2023  2 19  0  0  0.00000000\n\
+            PG01  20308.731285  11790.619637  12427.122166    211.020877\nEOF\n";
+        let first = [HEADER, &record.replace("2 19", "2 20")].concat();
+        let second = [&HEADER.replace("cc GPS", "cc BDT"), record].concat();
+        let (data, summary) = read(&[first.as_str(), &second].concat());
+        let (_, nodes) = data.ephemerides.precise().iter().next().unwrap();
+        let times: Vec<f64> = nodes.iter().map(|node| node.time.tow_s()).collect();
+        assert_eq!(times, [14.0, 86_400.0]);
+        let [damage] = summary.damage.listed() else { panic!("{:?}", summary.damage) };
+        assert_eq!(damage.line, first.lines().count() as u64 + 1);
+        assert_eq!(damage.what, "a second header: files were joined here");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! `docs/experiments/kinematic-*.svg` and prints the errors with 95 % intervals of the seeds.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../tests/solving/mod.rs"]
+#[path = "../tests/simulated/solving/mod.rs"]
 mod solving;
 
 use kurs::engine::Constraint;

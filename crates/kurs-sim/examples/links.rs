@@ -4,9 +4,9 @@
 //! `cargo run --release -p kurs-sim --example links [SEEDS]`
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../tests/links/mod.rs"]
+#[path = "../tests/simulated/links/mod.rs"]
 mod links;
-#[path = "../tests/solving/mod.rs"]
+#[path = "../tests/simulated/solving/mod.rs"]
 mod solving;
 
 use links::{CLASSES_DB, Links, RECORDED};

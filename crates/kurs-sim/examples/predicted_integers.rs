@@ -5,9 +5,9 @@
 //! of the seeds.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../tests/predicting/mod.rs"]
+#[path = "../tests/simulated/predicting/mod.rs"]
 mod predicting;
-#[path = "../tests/solving/mod.rs"]
+#[path = "../tests/simulated/solving/mod.rs"]
 mod solving;
 
 use predicting::{Case, Fault, Judged, OUTAGE_ENDS_S, solve};

@@ -7,7 +7,7 @@
 //! continuous on the same observations.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../tests/solving/mod.rs"]
+#[path = "../tests/simulated/solving/mod.rs"]
 mod solving;
 
 use kurs::array::AntennaArray;

@@ -5,7 +5,7 @@
 #![allow(clippy::print_stdout, clippy::unwrap_used, clippy::cast_possible_truncation)]
 #![allow(clippy::cast_sign_loss)]
 
-#[path = "../tests/rotating_arm/campaign.rs"]
+#[path = "../tests/simulated/rotating_arm/campaign.rs"]
 mod campaign;
 
 use campaign::{ACCELERATED, COARSE, Campaign, Candidate, InitialErrors, STEADY, USUAL, corrected};

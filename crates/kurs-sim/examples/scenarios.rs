@@ -4,9 +4,9 @@
 //! `cargo run --release -p kurs-sim --example scenarios [SEEDS [NAME]]`
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../tests/solving/bound.rs"]
+#[path = "../tests/simulated/solving/bound.rs"]
 mod bound;
-#[path = "../tests/solving/mod.rs"]
+#[path = "../tests/simulated/solving/mod.rs"]
 mod solving;
 
 use kurs::engine::Constraint;

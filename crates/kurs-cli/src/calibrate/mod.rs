@@ -100,6 +100,8 @@ const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 const MAX_MISFIT_MPS2: f64 = 0.02;
 /// … or this many standard deviations of its mean.
 const MAX_MISFIT_SIGMAS: f64 = 5.0;
+/// What no gyro reads at rest: 20°/s, 0.35 rad/s, are allowed to cheap ones (MPU-6000 specification 3.4, 6.1).
+const MAX_BIAS_RADPS: f64 = 1.0;
 
 /// `calibration.toml`, as `kurs fuse` reads it.
 #[derive(Debug, Serialize)]
@@ -367,6 +369,14 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
         );
     }
     let bias = gyro_bias::calibrate(samples)?;
+    let most_radps = bias.bias_radps.amax();
+    if most_radps > MAX_BIAS_RADPS {
+        bail!(
+            "{}: {most_radps:.3} rad/s at rest, sensors have less than {MAX_BIAS_RADPS} rad/s: raw counts or \
+             another unit in gx_radps, gy_radps, gz_radps?",
+            file.display()
+        );
+    }
     let mut curves = Vec::new();
     let (mut noise, mut instability) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {

@@ -77,7 +77,8 @@ impl Arcs {
     }
 }
 
-/// The phases of one satellite's observations that can be expressed in metres.
+/// The phases of one satellite's observations that can be expressed in metres, in the order of signals:
+/// that of a file may change within it.
 pub(super) fn phases(
     observations: &[Observation],
     channel: Option<i8>,
@@ -90,7 +91,9 @@ pub(super) fn phases(
             slipped: o.lock.slipped() || power_failure,
         })
     };
-    observations.iter().filter_map(phase).collect()
+    let mut phases: Vec<Phase> = observations.iter().filter_map(phase).collect();
+    phases.sort_by_key(|phase| phase.signal);
+    phases
 }
 
 #[cfg(test)]

@@ -210,7 +210,8 @@ fn accuracy_rows(plan: &Plan) -> Rows {
     if !rolls.is_empty() {
         rows.push(spread("roll", rolls, degrees));
     }
-    let satellites = plan.epochs.iter().map(|epoch| epoch.satellites as f64).collect();
+    let usable = plan.epochs.iter().filter(|epoch| epoch.accuracy.is_some());
+    let satellites = usable.map(|epoch| epoch.satellites as f64).collect();
     let mut row = spread("satellites", satellites, |count| format!("{count}"));
     // More satellites are better: the smallest number is the worst.
     row.swap(2, 3);

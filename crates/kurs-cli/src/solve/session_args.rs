@@ -55,9 +55,8 @@ impl SessionArgs {
         let found = FoundFiles::sort(&files, &nav, self.antenna.len())?;
         let given = found.antennas.len() + self.antenna.len();
         if given < 2 && found.configuration.is_none() {
-            let text =
-                "antennas given, at least two are needed for an attitude; among the files are";
-            return Err(UsageError(format!("{given} {text} {found}")).into());
+            let text = "at least two antennas are needed for an attitude, found";
+            return Err(UsageError(format!("{text} {given}; among the files are {found}")).into());
         }
         let overrides = Overrides {
             found: Some(&found),

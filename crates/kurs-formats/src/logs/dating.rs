@@ -44,7 +44,7 @@ pub(crate) struct Begin {
 }
 
 /// Collects what the messages of a log tell.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Dating {
     /// A time within ten years.
     near: GpsTime,

@@ -19,27 +19,39 @@ use crate::ubx::{rawx, sfrbx};
 #[derive(Debug)]
 pub(super) struct MessageReader {
     collector: Collector,
-    /// A time within ten years of the messages.
+    /// A time within ten years of the messages; that of the last message that told one.
     near: GpsTime,
+    /// Whether a message has told the time.
+    is_dated: bool,
 }
 
 impl MessageReader {
     /// `near` is a time within ten years, where no message tells more.
     pub(super) fn new(near: Option<GpsTime>) -> Self {
         let near = near.unwrap_or(GpsTime::from_nanoseconds(MIDDLE_WEEK_NS));
-        Self { collector: Collector::default(), near }
+        Self { collector: Collector::default(), near, is_dated: false }
+    }
+
+    /// Takes the time of a message with a date.
+    fn date(&mut self, frame: &Frame<'_>) {
+        let time = match frame.protocol {
+            Protocol::Ubx if frame.body[..2] == rawx::RXM_RAWX => rawx::time(&frame.body[4..]),
+            Protocol::Sbf => Block::of(frame.body).time(),
+            Protocol::Ubx | Protocol::Rtcm3 => None,
+        };
+        if let Some(time) = time {
+            (self.near, self.is_dated) = (time, true);
+        }
     }
 
     /// Puts what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
     /// completes.
     pub(super) fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
+        self.date(frame);
         let body = frame.body;
         match frame.protocol {
             Protocol::Ubx => {
                 let (id, payload) = (&body[..2], &body[4..]);
-                if id == rawx::RXM_RAWX {
-                    self.near = rawx::time(payload).unwrap_or(self.near);
-                }
                 if id != sfrbx::RXM_SFRBX {
                     return None;
                 }
@@ -70,19 +82,41 @@ pub(crate) fn read(
     let mut scanner = FrameScanner::default();
     let mut messages = MessageReader::new(near);
     let mut rtcm = RtcmEphemerides::new(near);
+    // A log may begin with subframes, long before the first message that tells the date.
+    let mut undated: Vec<(u64, Vec<u8>)> = Vec::new();
+    let mut take =
+        |messages: &mut MessageReader, frame: &Frame<'_>, summary: &mut ReadSummary| match messages
+            .take(frame, data)
+        {
+            Some(Ok(ephemeris)) => add(ephemeris, data, summary),
+            Some(Err(what)) => summary.damage.note(frame.offset, what),
+            None => {}
+        };
     while let Some(frame) = scanner.next(source, &mut summary.framing)? {
         rtcm.dating.take(&frame);
+        messages.date(&frame);
         if frame.protocol == Protocol::Rtcm3 {
             rtcm.keep(frame.body, frame.offset);
-            continue;
+        } else if frame.protocol == Protocol::Ubx && !messages.is_dated {
+            if frame.body[..2] == sfrbx::RXM_SFRBX {
+                undated.push((frame.offset, frame.body.to_vec()));
+            }
+        } else {
+            for (offset, body) in undated.drain(..) {
+                take(
+                    &mut messages,
+                    &Frame { protocol: Protocol::Ubx, body: &body, offset },
+                    summary,
+                );
+            }
+            take(&mut messages, &frame, summary);
         }
-        let offset = frame.offset;
-        let taken = messages.take(&frame, data);
-        match taken {
-            Some(Ok(ephemeris)) => add(ephemeris, data, summary),
-            Some(Err(what)) => summary.damage.note(offset, what),
-            None => {}
-        }
+    }
+    if let Some(begin) = rtcm.dating.clone().begin() {
+        messages.near = begin.time;
+    }
+    for (offset, body) in undated {
+        take(&mut messages, &Frame { protocol: Protocol::Ubx, body: &body, offset }, summary);
     }
     rtcm.read(data, summary);
     Ok(())

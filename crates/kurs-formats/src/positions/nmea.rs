@@ -47,6 +47,8 @@ pub struct Sentences {
     pub without_fix: u64,
     /// The last separation of the geoid that a position states, m.
     pub separation_m: Option<f64>,
+    /// What was wrong with the first sentence that could not be used.
+    pub refused: Option<String>,
 }
 
 /// Reads a log of the antenna with this number.
@@ -86,6 +88,7 @@ pub fn read(
                 }
             };
             if let Err(what) = log.push(&fields, number, damage, &mut take) {
+                log.sentences.refused.get_or_insert_with(|| what.to_string());
                 damage.note(number, what);
             }
         }
@@ -120,7 +123,11 @@ impl Sentences {
             (false, _) if positions == *without_fix => {
                 format!("{without_fix} positions, all without a fix ({})", listed())
             }
-            (false, _) => format!("{positions} positions that cannot be used ({})", listed()),
+            (false, _) => format!(
+                "{positions} positions that cannot be used ({}): {}",
+                listed(),
+                self.refused.as_deref().unwrap_or("they lack a time")
+            ),
         }
     }
 }
@@ -267,10 +274,9 @@ impl Log {
         let assumed = || self.dates.assumed(date.zip(first_day));
         let day_zero = by_log.or_else(assumed);
         if day_zero.is_none() && !self.waiting.is_empty() {
-            damage.note(
-                line,
-                "no RMC or ZDA sentence: the date of the positions is not known (give --date)",
-            );
+            let what = "no RMC or ZDA sentence with a date: the date of the positions is not known (give --date)";
+            self.sentences.refused.get_or_insert_with(|| what.to_owned());
+            damage.note(line, what);
         }
         self.release(day_zero, take);
     }

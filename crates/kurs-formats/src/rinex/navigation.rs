@@ -13,7 +13,7 @@ use kurs::signal::System;
 
 use self::record::{Kind, Record};
 use crate::navigation::ReadSummary;
-use crate::rinex::fields::{columns, decimal, text};
+use crate::rinex::fields::{columns, decimal, label, text};
 use crate::source::{ReadError, Source};
 
 /// What the first line of the file says.
@@ -26,7 +26,7 @@ struct Version {
 }
 
 /// Reads the first line that is not empty.
-fn version(source: &mut Source) -> Result<Version, ReadError> {
+fn first_line(source: &mut Source) -> Result<Version, ReadError> {
     while source.advance()? && source.line().trim_ascii().is_empty() {}
     let line = source.line();
     let major = decimal(columns(line, 0..9))
@@ -53,7 +53,7 @@ pub(crate) fn read(
     data: &mut NavigationData,
     summary: &mut ReadSummary,
 ) -> Result<(), ReadError> {
-    let version = version(source)?;
+    let mut version = first_line(source)?;
     header::read(source, version, data, summary)?;
     let mut record = Record::default();
     while source.advance()? {
@@ -65,7 +65,13 @@ pub(crate) fn read(
         if line.trim_ascii() == b"END OF FILE" {
             continue;
         }
-        if line[0] == b'>' {
+        if label(line) == b"RINEX VERSION / TYPE" {
+            finish(&mut record, data, summary);
+            summary.damage.note(number, "a second header: files were joined here");
+            source.hold_line();
+            version = first_line(source)?;
+            header::read(source, version, data, summary)?;
+        } else if line[0] == b'>' {
             finish(&mut record, data, summary);
             record.begin_frame(line, number);
         } else if record.is_frame_without_lines() || !record.is_continued_by(line, version) {
@@ -83,7 +89,7 @@ pub(crate) fn read(
 
 /// Takes a record that is complete, and leaves an empty one.
 fn finish(record: &mut Record, data: &mut NavigationData, summary: &mut ReadSummary) {
-    let record = core::mem::take(record);
+    let mut record = core::mem::take(record);
     let taken = match record.kind {
         Kind::None => return,
         Kind::Ephemeris => record.ephemeris(&mut summary.damage),

@@ -57,11 +57,15 @@ const fn glonass_need(_: Message, index: usize) -> Need {
 impl Record {
     /// The ephemeris in this record; `None` if its message is read past. A number that the ephemeris
     /// can do without is noted, one that means nothing is not looked at.
-    pub(super) fn ephemeris(&self, damage: &mut DamageLog) -> Result<Option<Ephemeris>, String> {
+    pub(super) fn ephemeris(
+        &mut self,
+        damage: &mut DamageLog,
+    ) -> Result<Option<Ephemeris>, String> {
         let Some(satellite) = self.satellite else {
             return Err(self.damage.clone().unwrap_or_else(|| "a record of no satellite".into()));
         };
         let Some(message) = self.ephemeris_message(satellite) else { return Ok(None) };
+        self.shed_lines(satellite, message, damage)?;
         let need = if message == Message::GlonassFdma { glonass_need } else { kepler_need };
         let needed = |index: usize| need(message, index);
         self.refuse_damage(&satellite.to_string(), |index| needed(index) == Need::Must)?;
@@ -105,6 +109,31 @@ impl Record {
     fn time(&self, satellite: Satellite) -> Result<GpsTime, String> {
         let time = self.date.and_then(GpsTime::from_calendar);
         time.ok_or_else(|| format!("{satellite}: {:?} is not a date since 1980", self.date))
+    }
+
+    /// Refuses a record with a line too many: its numbers are not where they belong. As many as a whole
+    /// record has are one that lost its first line; they are noted and shed.
+    fn shed_lines(
+        &mut self,
+        satellite: Satellite,
+        message: Message,
+        damage: &mut DamageLog,
+    ) -> Result<(), String> {
+        // The last line of each is not in all files.
+        let most = if message == Message::GlonassFdma { 4 } else { 7 };
+        let (least, found) = (most - 1, self.further_lines);
+        if found <= most {
+            return Ok(());
+        }
+        let surplus = format!("{satellite}: {} lines, expected {most} or {}", found + 1, most + 1);
+        if found < 2 * least {
+            return Err(format!("{surplus}; the record is left out"));
+        }
+        damage.note(self.line, format!("{surplus}; the rest has no satellite and is not read"));
+        let own = 3 + 4 * if found == 2 * most { most } else { least };
+        self.values.truncate(own);
+        self.damaged_values.retain(|(index, _)| *index < own);
+        Ok(())
     }
 
     /// A record whose last line is missing ends before it, not in it.

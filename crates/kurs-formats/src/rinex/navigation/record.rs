@@ -37,6 +37,8 @@ pub(super) struct Record {
     /// The numbers in their order, without the date.
     pub(super) values: Vec<f64>,
     has_lines: bool,
+    /// Lines behind the one with the date.
+    pub(super) further_lines: usize,
     /// Blanks before the numbers of its further lines.
     indent: usize,
     /// Satellite or date that could not be read.
@@ -118,6 +120,7 @@ impl Record {
 
     /// Takes one more line.
     pub(super) fn continue_with(&mut self, line: &[u8]) {
+        self.further_lines += 1;
         self.take_numbers(line, self.indent, 4);
     }
 

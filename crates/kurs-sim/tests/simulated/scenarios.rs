@@ -1,0 +1,80 @@
+//! The ready scenarios solved as `kurs solve` would: fixed, right, and as accurate as they can be.
+//! Here a part of each; `cargo run --release -p kurs-sim --example scenarios` solves them whole.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+use crate::bound;
+use crate::links::{CLASSES_DB, Links, RECORDED};
+use crate::solving::{self, Tally, settings};
+use kurs::engine::{Constraint, Settings};
+
+/// At least 99 % fixed, no integer wrong.
+#[test]
+fn moving_bodies_are_fixed_and_right() {
+    for name in ["car", "ship", "uav"] {
+        let mut scenario = solving::ready(name);
+        scenario.interval_s = 1.0;
+        let known = settings(&scenario, Constraint::Array);
+        let mut tally = Tally::default();
+        solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
+        println!("{name}: {tally:?}");
+        assert!(tally.fixed * 100 >= tally.epochs * 99, "{name}: {tally:?}");
+        assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
+    }
+}
+
+/// Where reflections stay for seconds and houses hide half of the sky, errors are not more than 1.5
+/// times what the covariances say, with the noise that `kurs solve` assumes when it is told nothing.
+/// Every epoch of `urban` that has observations is fixed, also those in which one antenna sees next
+/// to nothing.
+#[test]
+fn covariances_hold_under_reflections() {
+    for (name, least_fixed) in [("car", 0.99), ("ship", 0.99), ("uav", 0.99), ("urban", 0.96)] {
+        let mut scenario = solving::ready(name);
+        scenario.interval_s = 1.0;
+        let known = settings(&scenario, Constraint::Array);
+        let known = Settings { noise: Settings::default().noise, ..known };
+        let mut tally = Tally::default();
+        solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
+        let optimism = (tally.normalised / (3.0 * tally.fixed as f64)).sqrt();
+        println!("{name}: errors {optimism:.2} times what they are said to be, {tally:?}");
+        assert!(optimism < 1.5, "{name}: {optimism}");
+        assert!(tally.fixed as f64 >= least_fixed * tally.epochs as f64, "{name}: {tally:?}");
+        assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
+    }
+}
+
+/// Errors within 5 % of the bound of Cramér and Rao for the phases that are used, and the 99.9 % band
+/// of so few epochs.
+#[test]
+fn the_roof_reaches_the_bound() {
+    let mut scenario = solving::ready("roof-static");
+    scenario.duration_s = 300.0;
+    let (tally, ratio) = bound::laid_against(scenario);
+    assert_eq!((tally.fixed, tally.wrong), (tally.epochs, 0), "{tally:?}");
+    let band = 3.29 / (2.0 * tally.fixed as f64).sqrt();
+    println!("heading, pitch, roll: {ratio:.3?} of the bound, band {band:.3}");
+    for (k, name) in ["heading", "pitch", "roll"].iter().enumerate() {
+        assert!(ratio[k] < 1.05 + band && ratio[k] > 1.0 - band, "{name}: {}", ratio[k]);
+    }
+}
+
+/// Simulated obstacles are those of real skies: of the links of `edge`, `canopy` and `street` together the
+/// same share is off as recorded, within a factor of 1.5, in every class of C/N0 differences.
+#[test]
+fn links_are_off_as_often_as_recorded() {
+    let mut links = Links::default();
+    for name in ["edge", "canopy", "street"] {
+        for seed in 0..96 {
+            let mut scenario = solving::session(name, seed);
+            scenario.interval_s = 10.0;
+            links.add(&Links::of(&scenario));
+        }
+    }
+    println!("{links:?}");
+    // Recorded is 0.0 %: less than half of a tenth.
+    assert!(links.share(0) < 0.0005, "{links:?}");
+    for class in 1..CLASSES_DB.len() {
+        let ratio = links.share(class) / RECORDED[class];
+        assert!((1.0 / 1.5..1.5).contains(&ratio), "from {} dB: {ratio}", CLASSES_DB[class]);
+    }
+}

@@ -1,0 +1,95 @@
+//! Coordinates relative to a fixed station: a car with four antennas, 900 m from it, and the attitude
+//! that the coordinates alone give (the chain of seed 004) beside that of the array.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
+
+use crate::solving::{self, angle_errors, ready, settings};
+use kurs::differential::Differential;
+use kurs::engine::{Constraint, Engine};
+use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
+use kurs::solution::Status;
+use kurs_sim::scenario::{Place, Scenario, Station};
+use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
+
+/// Root of the mean square.
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn coordinates_of_a_car_near_a_station() {
+    let mut scenario: Scenario = ready("car");
+    (scenario.interval_s, scenario.duration_s) = (1.0, 120.0);
+    let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
+    scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+    let known = settings(&scenario, Constraint::Array);
+    let array = known.array.clone().unwrap();
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let station_m = place.geodetic().to_ecef();
+    let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+    let mut engine = Differential::new(engine, Some(station_m)).unwrap();
+    let by_coordinates = Orienter::new(orientation::Settings {
+        array: array.clone(),
+        array_sd_m: 0.002,
+        sd_scale: 1.0,
+        method: Method::Weighted,
+        max_tilt_rad: core::f64::consts::PI,
+        roll_sd_rad: 0.1,
+        max_angle_sd_rad: core::f64::consts::PI,
+        points_m: Vec::new(),
+    })
+    .unwrap();
+    let mut memory = by_coordinates.memory();
+
+    let (mut by_code, mut by_phase, mut normalised) = (Vec::new(), Vec::new(), 0.0);
+    let (mut own_headings, mut chain_headings) = (Vec::new(), Vec::new());
+    let mut epochs = 0;
+    let mut simulated = SimulatedEpoch::default();
+    while simulation.next_epoch(&mut simulated) {
+        epochs += 1;
+        let body = &mut simulated.bodies[0];
+        body.observed.station = simulated.station.take();
+        let truth = &body.truth;
+        let horizon = kurs::sky::Horizon::at(truth.position_m);
+        let ecef_from_body = horizon.ned_from_ecef().inverse() * truth.attitude.ned_from_body();
+        let row = engine.push(&body.observed, None);
+
+        assert_eq!(row.by_code.len(), 4);
+        let mut fixes = vec![None; 4];
+        for place in &row.by_code {
+            let true_m = truth.position_m + ecef_from_body * array.positions_m()[place.index];
+            let found_m = place.geodetic.to_ecef();
+            by_code.push((found_m - true_m).norm());
+            let sd = |axis: usize| place.covariance_m2[(axis, axis)].sqrt();
+            fixes[place.index] = Some(AntennaFix {
+                position_m: found_m,
+                sd_ned_m: [sd(0), sd(1), sd(2)],
+                doubt: None,
+            });
+        }
+        let epoch = PositionEpoch { time: row.time, antennas: fixes };
+        let chain = by_coordinates.push(&epoch, &mut memory);
+        chain_headings.extend(angle_errors(truth, &chain).map(|e| e.x.to_degrees()));
+        if row.status == Status::Fixed {
+            own_headings.extend(angle_errors(truth, &row).map(|e| e.x.to_degrees()));
+        }
+        let position = row.position.unwrap();
+        if position.covariance_m2.trace().sqrt() < 0.1 {
+            let error_ned = horizon.ned_from_ecef() * (position.position_m - truth.position_m);
+            by_phase.push(error_ned.norm());
+            normalised += solving::normalised_square(&error_ned.xyz(), &position.covariance_m2);
+        }
+    }
+    let (code_m, phase_m) = (rms(&by_code), rms(&by_phase));
+    let consistency = normalised / by_phase.len() as f64;
+    println!(
+        "by code {code_m:.2} m, by phase {phase_m:.4} m in {} of {epochs} epochs, (error/σ)² of 3: \
+         {consistency:.2}; heading of the coordinates {:.1}°, of the array {:.3}°",
+        by_phase.len(),
+        rms(&chain_headings),
+        rms(&own_headings)
+    );
+    assert!(code_m <= 1.0, "{code_m}");
+    assert!(by_phase.len() as f64 >= 0.95 * f64::from(epochs), "{} of {epochs}", by_phase.len());
+    assert!(phase_m <= 0.02, "{phase_m}");
+    assert!(rms(&own_headings) < 0.1 * rms(&chain_headings));
+}
