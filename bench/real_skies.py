@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Right and wrong fixes under obstructed skies, on the shared recordings, as one table.
 
-    bench/real_skies.py [--kurs PROGRAM] [--data FOLDER] [--only WORD] [--json]
+    bench/real_skies.py [--kurs PROGRAM] [--data FOLDER] [--only WORD] [--modes MODE,...] [--reasons] [--json]
 
 A fix is wrong if a component is off by more than max(5 cm, 5 standard deviations), 6 cm under the canopy
 (whose points are known to 1 cm), or by more than 15 cm whatever its standard deviation. `z2` is the mean
@@ -29,40 +29,45 @@ GEONET = (953.6729, -3196.1390, 4.6514)
 ALL_BEIDOU = "C1,C2,C5,C6,C7"
 LENGTHS = {CANOPY: 71.69, SHADOW: 216.82, UPC: 37.93, MATRTKLIB: 0.99, GEONET: 3335.39}
 
+# Modes: a word for the name of the row, keys of [solve].
+MODES = {
+    "instantaneous": ("", {}),
+    "continuous": (", continuous", {"ambiguity": "continuous"}),
+    "both": (", continuous, both directions", {"ambiguity": "continuous", "direction": "both"}),
+}
 # name, recording, bands ("" for all), constraint, keys of [solve]
-ROWS = [
+RECORDINGS = [
     ("canopy all bands, length", "canopy", "", "length", {}),
-    ("canopy all bands, length, continuous", "canopy", "", "length", {"ambiguity": "continuous"}),
     ("canopy all bands, none", "canopy", "", "none", {}),
     ("canopy L1, length, 15 deg", "canopy", "G1", "length", {"elevation_mask_deg": 15}),
-    ("canopy L1, length, 15 deg, continuous", "canopy", "G1", "length",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
     ("shadow five bands, none, 15 deg", "shadow", ALL_BEIDOU, "none", {"elevation_mask_deg": 15}),
     ("shadow C2+C6, none, 15 deg", "shadow", "C2,C6", "none", {"elevation_mask_deg": 15}),
     ("shadow C2, length, 15 deg", "shadow", "C2", "length", {"elevation_mask_deg": 15}),
-    ("shadow five bands, continuous", "shadow", ALL_BEIDOU, "none",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
-    ("shadow C2, length, continuous", "shadow", "C2", "length",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
     ("upc2011 G1, length", "upc2011", "G1", "length", {}),
     ("upc2011 G1, none", "upc2011", "G1", "none", {}),
     ("upc2011 G1+G2, none, 15 deg", "upc2011", "G1,G2", "none", {"elevation_mask_deg": 15}),
-    ("upc2011 G1, none, continuous", "upc2011", "G1", "none", {"ambiguity": "continuous"}),
     ("matrtklib G1, length, 15 deg", "matrtklib", "G1", "length", {"elevation_mask_deg": 15}),
     ("matrtklib G1, none, 15 deg", "matrtklib", "G1", "none", {"elevation_mask_deg": 15}),
     ("matrtklib six bands, none, 15 deg", "matrtklib", "G1,G2,E1,E5,C2,C7", "none",
      {"elevation_mask_deg": 15}),
+    ("geonet2005 G1, none, 15 deg", "geonet2005", "G1", "none", {"elevation_mask_deg": 15}),
     ("geonet2005 G1+G2, none, 15 deg", "geonet2005", "G1,G2", "none", {"elevation_mask_deg": 15}),
 ]
 # A length told wrong by so many metres: no row may be fixed wrongly.
+WRONG_LENGTHS = []
 for name, recording, bands in [("upc2011 G1", "upc2011", "G1"), ("upc2011 G1+G2", "upc2011", "G1,G2"),
                                ("matrtklib G1", "matrtklib", "G1"),
                                ("matrtklib G1+E1+C2", "matrtklib", "G1,E1,C2"),
                                ("canopy all bands", "canopy", ""), ("canopy L1", "canopy", "G1")]:
     for off_m in (-0.19, -0.05, 0.05, 0.19):
-        for mode in ("instantaneous", "continuous"):
-            ROWS.append((f"{name}, length {off_m:+.2f} m, {mode}", recording, bands, "length",
-                         {"ambiguity": mode, "off_m": off_m}))
+        WRONG_LENGTHS.append((f"{name}, length {off_m:+.2f} m", recording, bands, "length", {"off_m": off_m}))
+
+
+def rows(modes):
+    """Every recording in each mode."""
+    for name, recording, bands, constraint, keys in RECORDINGS + WRONG_LENGTHS:
+        for word, keys_of_mode in (MODES[mode] for mode in modes):
+            yield name + word, recording, bands, constraint, keys | keys_of_mode
 
 
 def files(recording, data):
@@ -143,11 +148,12 @@ def main():
     parser.add_argument("--kurs", default="target/release/kurs")
     parser.add_argument("--data", default=os.environ.get("KURS_DATA", "../shared/data"))
     parser.add_argument("--only", default="", help="rows whose name contains this")
+    parser.add_argument("--modes", default="instantaneous,continuous", help=f"of {', '.join(MODES)}")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--reasons", action="store_true")
     arguments = parser.parse_args()
-    chosen = [row for row in ROWS if arguments.only in row[0]]
+    chosen = [row for row in rows(arguments.modes.split(",")) if arguments.only in row[0]]
     if not os.path.isdir(arguments.data):
         print(f"skipped: no recordings in {arguments.data}")
         return
