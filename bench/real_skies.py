@@ -18,7 +18,6 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 CANOPY = (-51.195, -35.935, -35.036)
@@ -27,6 +26,8 @@ UPC = (-27.4088, -26.2188, -0.0403)
 MATRTKLIB = (-0.2235, -0.9645, 0.009)
 GEONET = (953.6729, -3196.1390, 4.6514)
 ALL_BEIDOU = "C1,C2,C5,C6,C7"
+# Approximate time of the logs of the valley, which have no date.
+SHADOW_TIME = ("2026/06/26", "16:00:00")
 LENGTHS = {CANOPY: 71.69, SHADOW: 216.82, UPC: 37.93, MATRTKLIB: 0.99, GEONET: 3335.39}
 
 # Modes: a word for the name of the row, keys of [solve].
@@ -89,47 +90,74 @@ def files(recording, data):
     return [f"{folder}/base.obs"], [f"{folder}/rover.obs"], [f"{folder}/base.nav"], MATRTKLIB
 
 
-def solve(row, arguments, folder):
-    name, recording, bands, constraint, keys = row
+def configuration(row, data):
+    """The configuration of a row as TOML, and the true vector."""
+    _, recording, bands, constraint, keys = row
     keys = dict(keys)
-    bases, rovers, navigation, truth = files(recording, os.path.abspath(arguments.data))
+    bases, rovers, navigation, truth = files(recording, os.path.abspath(data))
     told_wrong = "off_m" in keys
     length_m = LENGTHS[truth] + keys.pop("off_m", 0.0)
-    configuration = ""
+    text = ""
     for antenna, observations, x in (("base", bases, 0.0), ("rover", rovers, length_m)):
-        configuration += f'[[antenna]]\nname = "{antenna}"\nobs = {json.dumps(observations)}\n'
+        text += f'[[antenna]]\nname = "{antenna}"\nobs = {json.dumps(observations)}\n'
         if constraint != "none":
-            configuration += f"position_m = [{x}, 0.0, 0.0]\n"
+            text += f"position_m = [{x}, 0.0, 0.0]\n"
     if navigation:
-        configuration += f"[nav]\nfiles = {json.dumps(navigation)}\n"
+        text += f"[nav]\nfiles = {json.dumps(navigation)}\n"
     keys = {"ambiguity": "instantaneous", "constraint": constraint, "max_tilt_deg": 180} | keys
     if constraint != "none" and not told_wrong:
         keys["array_sd_m"] = 0.01
     if bands:
         keys["bands"] = bands.split(",")
-    configuration += "[solve]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items())
+    return text + "[solve]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items()), truth
+
+
+def run(kurs, text, folder):
+    """Rows of attitude.csv and baselines.csv that `kurs solve` makes of a configuration."""
     path = f"{folder}/kurs.toml"
     with open(path, "w") as file:
-        file.write(configuration)
-    start = time.process_time()
-    run = subprocess.run([arguments.kurs, "solve", "--quiet", path, "--out", f"{folder}/out"],
-                         capture_output=True, text=True)
+        file.write(text)
+    done = subprocess.run([kurs, "solve", "--quiet", path, "--out", f"{folder}/out"], capture_output=True, text=True)
     if not os.path.exists(f"{folder}/out/attitude.csv"):
-        return {"name": name, "error": run.stderr.strip()[:200]}
-    with open(f"{folder}/out/attitude.csv") as file:
-        rows = list(csv.DictReader(file))
-    with open(f"{folder}/out/baselines.csv") as file:
-        fixed = [r for r in csv.DictReader(file) if r["status"] == "fixed"]
-    floor_m = 0.06 if recording == "canopy" else 0.05
+        raise RuntimeError(done.stderr.strip()[:200])
+    return table(f"{folder}/out/attitude.csv"), table(f"{folder}/out/baselines.csv")
+
+
+def table(path):
+    with open(path) as file:
+        return list(csv.DictReader(file))
+
+
+def floor_m(recording):
+    """Errors below are no mistakes: the places are known no better."""
+    return 0.06 if recording == "canopy" else 0.05
+
+
+def error(fix, truth):
+    """Errors of a baseline's components and their standard deviations, m."""
+    off = [float(fix[f"{c}_m"]) - t for c, t in zip(("east", "north", "up"), truth)]
+    return off, [float(fix[f"sd_{c}_m"]) for c in ("east", "north", "up")]
+
+
+def is_wrong(off, sd, floor):
+    return max(map(abs, off)) > 0.15 or any(abs(o) > max(floor, 5 * s) for o, s in zip(off, sd))
+
+
+def solve(row, arguments, folder):
+    name, recording = row[:2]
+    text, truth = configuration(row, arguments.data)
+    try:
+        rows, baselines = run(arguments.kurs, text, folder)
+    except RuntimeError as problem:
+        return {"name": name, "error": str(problem)}
+    fixed = [r for r in baselines if r["status"] == "fixed"]
     wrong = beyond = 0
     squares, errors = [], []
     for r in fixed:
-        off = [float(r[f"{c}_m"]) - t for c, t in zip(("east", "north", "up"), truth)]
-        sd = [float(r[f"sd_{c}_m"]) for c in ("east", "north", "up")]
-        worst = max(abs(o) for o in off)
-        if worst > 0.15 or any(abs(o) > max(floor_m, 5 * s) for o, s in zip(off, sd)):
+        off, sd = error(r, truth)
+        if is_wrong(off, sd, floor_m(recording)):
             wrong += 1
-            errors.append((r["time_gpst"], worst))
+            errors.append((r["time_gpst"], max(map(abs, off))))
         else:
             squares += [(o / s) ** 2 for o, s in zip(off, sd)]
         beyond += any(abs(o) > 3 * s for o, s in zip(off, sd))
