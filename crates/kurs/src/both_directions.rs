@@ -5,7 +5,8 @@
 //! they are two witnesses that have only its own observations in common.
 //!
 //! * Where both fix, they must agree; otherwise neither is believed ([`Reason::Contradiction`]). Of two that agree
-//!   the surer one stands: they share the epoch's errors, so that no mean of them is better than either.
+//!   the forward row stands: they share the epoch's errors, so that no mean of them is better than either, and to take the
+//!   surer one would be to take the more optimistic one.
 //! * Where one fixes, its answer stands with its own standard deviations – unless the other run found the known
 //!   lengths or the known array wrong there: that is true of the whole session, and a run needs time to learn it.
 //! * Where neither fixes, the forward row stands.
@@ -54,7 +55,6 @@ impl BackwardRows {
             (true, Some(backward)) if !agree(&forward, &backward) => {
                 refused(forward, Reason::Contradiction)
             }
-            (true, Some(backward)) if variance_m2(&backward) < variance_m2(&forward) => *backward,
             (true, Some(_)) => forward,
             (true, None) => match backward.reason {
                 Some(reason) if blames_the_array(reason) => refused(forward, reason),
@@ -95,11 +95,6 @@ fn is_same(one: &BaselineEstimate, other: &BaselineEstimate) -> bool {
         let square = difference_m.dot(&factor.solve(&difference_m));
         chi_square_tail(square, 3) >= FALSE_ALARM
     })
-}
-
-/// Sum of the variances of all baselines, m².
-fn variance_m2(row: &EpochSolution) -> f64 {
-    row.baselines.iter().map(|baseline| baseline.covariance_m2.trace()).sum()
 }
 
 #[cfg(test)]
@@ -144,13 +139,6 @@ mod tests {
         let row = joined(fixed(1.0, 2.0), fixed(1.0, 2.01));
         assert_eq!((row.status, row.reason), (Status::Fixed, None));
         assert_eq!(row.baselines[0].baseline_m.xyz().x, 2.0);
-    }
-
-    #[test]
-    fn the_surer_of_two_that_agree_stands() {
-        let mut surer = fixed(1.0, 2.01);
-        surer.baselines[0].covariance_m2 *= 0.25;
-        assert_eq!(joined(fixed(1.0, 2.0), surer).baselines[0].baseline_m.xyz().x, 2.01);
     }
 
     #[test]
