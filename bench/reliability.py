@@ -100,7 +100,8 @@ def interval(count, of):
     p, z = count / of, 1.96
     middle, half = p + z * z / (2 * of), z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of))
     low, high = ((middle + sign * half) / (1 + z * z / of) for sign in (-1, 1))
-    return f"{100 * p:.2g} % ({100 * max(low, 0):.2g} to {100 * high:.2g})"
+    low = low if count else 0.0
+    return f"{100 * p:.2g} % ({100 * low:.2g} to {100 * high:.2g})"
 
 
 def diagram(group, runs):
