@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Right and wrong fixes under obstructed skies, on the shared recordings, as one table.
 
-    bench/real_skies.py [--kurs PROGRAM] [--data FOLDER] [--only WORD] [--json]
+    bench/real_skies.py [--kurs PROGRAM] [--data FOLDER] [--only WORD] [--modes MODE,...] [--reasons] [--json]
 
 A fix is wrong if a component is off by more than max(5 cm, 5 standard deviations), 6 cm under the canopy
 (whose points are known to 1 cm), or by more than 15 cm whatever its standard deviation. `z2` is the mean
@@ -18,7 +18,6 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 CANOPY = (-51.195, -35.935, -35.036)
@@ -27,42 +26,49 @@ UPC = (-27.4088, -26.2188, -0.0403)
 MATRTKLIB = (-0.2235, -0.9645, 0.009)
 GEONET = (953.6729, -3196.1390, 4.6514)
 ALL_BEIDOU = "C1,C2,C5,C6,C7"
+# Approximate time of the logs of the valley, which have no date.
+SHADOW_TIME = ("2026/06/26", "16:00:00")
 LENGTHS = {CANOPY: 71.69, SHADOW: 216.82, UPC: 37.93, MATRTKLIB: 0.99, GEONET: 3335.39}
 
+# Modes: a word for the name of the row, keys of [solve].
+MODES = {
+    "instantaneous": ("", {}),
+    "continuous": (", continuous", {"ambiguity": "continuous"}),
+    "both": (", continuous, both directions", {"ambiguity": "continuous", "direction": "both"}),
+}
 # name, recording, bands ("" for all), constraint, keys of [solve]
-ROWS = [
+RECORDINGS = [
     ("canopy all bands, length", "canopy", "", "length", {}),
-    ("canopy all bands, length, continuous", "canopy", "", "length", {"ambiguity": "continuous"}),
     ("canopy all bands, none", "canopy", "", "none", {}),
     ("canopy L1, length, 15 deg", "canopy", "G1", "length", {"elevation_mask_deg": 15}),
-    ("canopy L1, length, 15 deg, continuous", "canopy", "G1", "length",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
     ("shadow five bands, none, 15 deg", "shadow", ALL_BEIDOU, "none", {"elevation_mask_deg": 15}),
     ("shadow C2+C6, none, 15 deg", "shadow", "C2,C6", "none", {"elevation_mask_deg": 15}),
     ("shadow C2, length, 15 deg", "shadow", "C2", "length", {"elevation_mask_deg": 15}),
-    ("shadow five bands, continuous", "shadow", ALL_BEIDOU, "none",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
-    ("shadow C2, length, continuous", "shadow", "C2", "length",
-     {"elevation_mask_deg": 15, "ambiguity": "continuous"}),
     ("upc2011 G1, length", "upc2011", "G1", "length", {}),
     ("upc2011 G1, none", "upc2011", "G1", "none", {}),
     ("upc2011 G1+G2, none, 15 deg", "upc2011", "G1,G2", "none", {"elevation_mask_deg": 15}),
-    ("upc2011 G1, none, continuous", "upc2011", "G1", "none", {"ambiguity": "continuous"}),
     ("matrtklib G1, length, 15 deg", "matrtklib", "G1", "length", {"elevation_mask_deg": 15}),
     ("matrtklib G1, none, 15 deg", "matrtklib", "G1", "none", {"elevation_mask_deg": 15}),
     ("matrtklib six bands, none, 15 deg", "matrtklib", "G1,G2,E1,E5,C2,C7", "none",
      {"elevation_mask_deg": 15}),
+    ("geonet2005 G1, none, 15 deg", "geonet2005", "G1", "none", {"elevation_mask_deg": 15}),
     ("geonet2005 G1+G2, none, 15 deg", "geonet2005", "G1,G2", "none", {"elevation_mask_deg": 15}),
 ]
 # A length told wrong by so many metres: no row may be fixed wrongly.
+WRONG_LENGTHS = []
 for name, recording, bands in [("upc2011 G1", "upc2011", "G1"), ("upc2011 G1+G2", "upc2011", "G1,G2"),
                                ("matrtklib G1", "matrtklib", "G1"),
                                ("matrtklib G1+E1+C2", "matrtklib", "G1,E1,C2"),
                                ("canopy all bands", "canopy", ""), ("canopy L1", "canopy", "G1")]:
     for off_m in (-0.19, -0.05, 0.05, 0.19):
-        for mode in ("instantaneous", "continuous"):
-            ROWS.append((f"{name}, length {off_m:+.2f} m, {mode}", recording, bands, "length",
-                         {"ambiguity": mode, "off_m": off_m}))
+        WRONG_LENGTHS.append((f"{name}, length {off_m:+.2f} m", recording, bands, "length", {"off_m": off_m}))
+
+
+def rows(modes):
+    """Every recording in each mode."""
+    for name, recording, bands, constraint, keys in RECORDINGS + WRONG_LENGTHS:
+        for word, keys_of_mode in (MODES[mode] for mode in modes):
+            yield name + word, recording, bands, constraint, keys | keys_of_mode
 
 
 def files(recording, data):
@@ -84,47 +90,74 @@ def files(recording, data):
     return [f"{folder}/base.obs"], [f"{folder}/rover.obs"], [f"{folder}/base.nav"], MATRTKLIB
 
 
-def solve(row, arguments, folder):
-    name, recording, bands, constraint, keys = row
+def configuration(row, data):
+    """The configuration of a row as TOML, and the true vector."""
+    _, recording, bands, constraint, keys = row
     keys = dict(keys)
-    bases, rovers, navigation, truth = files(recording, os.path.abspath(arguments.data))
+    bases, rovers, navigation, truth = files(recording, os.path.abspath(data))
     told_wrong = "off_m" in keys
     length_m = LENGTHS[truth] + keys.pop("off_m", 0.0)
-    configuration = ""
+    text = ""
     for antenna, observations, x in (("base", bases, 0.0), ("rover", rovers, length_m)):
-        configuration += f'[[antenna]]\nname = "{antenna}"\nobs = {json.dumps(observations)}\n'
+        text += f'[[antenna]]\nname = "{antenna}"\nobs = {json.dumps(observations)}\n'
         if constraint != "none":
-            configuration += f"position_m = [{x}, 0.0, 0.0]\n"
+            text += f"position_m = [{x}, 0.0, 0.0]\n"
     if navigation:
-        configuration += f"[nav]\nfiles = {json.dumps(navigation)}\n"
+        text += f"[nav]\nfiles = {json.dumps(navigation)}\n"
     keys = {"ambiguity": "instantaneous", "constraint": constraint, "max_tilt_deg": 180} | keys
     if constraint != "none" and not told_wrong:
         keys["array_sd_m"] = 0.01
     if bands:
         keys["bands"] = bands.split(",")
-    configuration += "[solve]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items())
+    return text + "[solve]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items()), truth
+
+
+def run(kurs, text, folder):
+    """Rows of attitude.csv and baselines.csv that `kurs solve` makes of a configuration."""
     path = f"{folder}/kurs.toml"
     with open(path, "w") as file:
-        file.write(configuration)
-    start = time.process_time()
-    run = subprocess.run([arguments.kurs, "solve", "--quiet", path, "--out", f"{folder}/out"],
-                         capture_output=True, text=True)
+        file.write(text)
+    done = subprocess.run([kurs, "solve", "--quiet", path, "--out", f"{folder}/out"], capture_output=True, text=True)
     if not os.path.exists(f"{folder}/out/attitude.csv"):
-        return {"name": name, "error": run.stderr.strip()[:200]}
-    with open(f"{folder}/out/attitude.csv") as file:
-        rows = list(csv.DictReader(file))
-    with open(f"{folder}/out/baselines.csv") as file:
-        fixed = [r for r in csv.DictReader(file) if r["status"] == "fixed"]
-    floor_m = 0.06 if recording == "canopy" else 0.05
+        raise RuntimeError(done.stderr.strip()[:200])
+    return table(f"{folder}/out/attitude.csv"), table(f"{folder}/out/baselines.csv")
+
+
+def table(path):
+    with open(path) as file:
+        return list(csv.DictReader(file))
+
+
+def floor_m(recording):
+    """Errors below are no mistakes: the places are known no better."""
+    return 0.06 if recording == "canopy" else 0.05
+
+
+def error(fix, truth):
+    """Errors of a baseline's components and their standard deviations, m."""
+    off = [float(fix[f"{c}_m"]) - t for c, t in zip(("east", "north", "up"), truth)]
+    return off, [float(fix[f"sd_{c}_m"]) for c in ("east", "north", "up")]
+
+
+def is_wrong(off, sd, floor):
+    return max(map(abs, off)) > 0.15 or any(abs(o) > max(floor, 5 * s) for o, s in zip(off, sd))
+
+
+def solve(row, arguments, folder):
+    name, recording = row[:2]
+    text, truth = configuration(row, arguments.data)
+    try:
+        rows, baselines = run(arguments.kurs, text, folder)
+    except RuntimeError as problem:
+        return {"name": name, "error": str(problem)}
+    fixed = [r for r in baselines if r["status"] == "fixed"]
     wrong = beyond = 0
     squares, errors = [], []
     for r in fixed:
-        off = [float(r[f"{c}_m"]) - t for c, t in zip(("east", "north", "up"), truth)]
-        sd = [float(r[f"sd_{c}_m"]) for c in ("east", "north", "up")]
-        worst = max(abs(o) for o in off)
-        if worst > 0.15 or any(abs(o) > max(floor_m, 5 * s) for o, s in zip(off, sd)):
+        off, sd = error(r, truth)
+        if is_wrong(off, sd, floor_m(recording)):
             wrong += 1
-            errors.append((r["time_gpst"], worst))
+            errors.append((r["time_gpst"], max(map(abs, off))))
         else:
             squares += [(o / s) ** 2 for o, s in zip(off, sd)]
         beyond += any(abs(o) > 3 * s for o, s in zip(off, sd))
@@ -143,11 +176,12 @@ def main():
     parser.add_argument("--kurs", default="target/release/kurs")
     parser.add_argument("--data", default=os.environ.get("KURS_DATA", "../shared/data"))
     parser.add_argument("--only", default="", help="rows whose name contains this")
+    parser.add_argument("--modes", default="instantaneous,continuous", help=f"of {', '.join(MODES)}")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--reasons", action="store_true")
     arguments = parser.parse_args()
-    chosen = [row for row in ROWS if arguments.only in row[0]]
+    chosen = [row for row in rows(arguments.modes.split(",")) if arguments.only in row[0]]
     if not os.path.isdir(arguments.data):
         print(f"skipped: no recordings in {arguments.data}")
         return

@@ -26,6 +26,7 @@ pub(crate) struct Work {
 
 impl Work {
     pub(crate) const SOLVE: Self = Self { done: "solved", counted: Some("fixed") };
+    pub(crate) const BACKWARD: Self = Self { done: "solved backward", counted: Some("fixed") };
     pub(crate) const SURVEY: Self = Self { done: "surveyed", counted: Some("fixed") };
     pub(crate) const ORIENT: Self = Self { done: "oriented", counted: Some("fixed") };
     pub(crate) const SIMULATE: Self = Self { done: "simulated", counted: None };

@@ -58,6 +58,8 @@ pub mod engine;
 
 pub mod differential;
 
+pub mod both_directions;
+
 // Beside the chain.
 pub mod orientation;
 

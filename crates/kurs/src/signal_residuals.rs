@@ -50,6 +50,7 @@ pub fn signal_residuals(
             elevation_rad: link.elevation_rad,
             code_m: code.as_ref().and_then(|of_link| of_link[i]),
             phase_m: phase.as_ref().and_then(|of_link| of_link[i]),
+            missing_db: link.missing_db,
         }));
     }
     residuals

@@ -213,6 +213,9 @@ pub struct SignalResidual {
     pub code_m: Option<f64>,
     /// Carrier phase, m; `None` where it was not used or no integers were found.
     pub phase_m: Option<f64>,
+    /// How much weaker it is received than usual here and than at the other antennas, dB
+    /// ([`link_noise`](crate::link_noise)).
+    pub missing_db: f64,
 }
 
 /// Orientation; two antennas or a collinear array leave angles unknown.

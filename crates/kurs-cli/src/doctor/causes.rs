@@ -19,6 +19,8 @@ const BETTER_FIT: f64 = 0.7;
 const NOISY: f64 = 4.0;
 /// An antenna whose residuals are this many times larger than those of the others.
 const WORSE_THAN_OTHERS: f64 = 2.5;
+/// Signals at an antenna that are behind something: with so many there are none to spare.
+const MANY_HIDDEN: f64 = 0.1;
 /// Fewer satellites than this are few, even with the geometry known.
 const FEW_SATELLITES: usize = 5;
 
@@ -95,6 +97,26 @@ impl Patient<'_> {
             advice: "free its view of the sky: edges and metal near an antenna delay phases by \
                      centimetres"
                 .into(),
+        })
+    }
+
+    /// Something that stands before the sky of an antenna.
+    pub(super) fn obstacles(&self) -> Option<Finding> {
+        let shares =
+            (0..self.names.len()).map(|antenna| (antenna, self.views.share_hidden(antenna)));
+        let (antenna, share) = shares.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let name = &self.names[antenna];
+        let hidden = self.views.hidden(self.names);
+        let first = hidden.iter().find(|row| row.antenna == *name)?;
+        (share > MANY_HIDDEN).then(|| Finding {
+            code: "obstacles",
+            cause: format!("something stands before the sky of antenna {name}"),
+            evidence: format!(
+                "{:.0} % of its signals are too weak beside those of the others, most often {}",
+                100.0 * share,
+                first.sentence()
+            ),
+            advice: "free its view; `kurs solve --report` shows its sky".into(),
         })
     }
 

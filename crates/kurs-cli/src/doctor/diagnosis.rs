@@ -41,6 +41,7 @@ pub(super) fn findings(
             all.extend(patient.system(trials));
             all.extend(patient.band_or_links(trials, sample));
         }
+        all.extend(patient.obstacles());
         all.extend(patient.antenna(trials));
         all.extend(causes::phases(signals));
         all.extend(patient.noise(trials, is_misshapen));

@@ -7,6 +7,7 @@
 mod causes;
 mod diagnosis;
 mod geometry;
+mod noise;
 mod patient;
 mod presence;
 mod reasons;
@@ -25,10 +26,12 @@ use crate::failure::ExitCode;
 use crate::integers::{CheckRow, IdleRow, Integers, LeftOutRow};
 use crate::output::{self, OutputFolder};
 use crate::page::Page;
+use crate::report::views::{HiddenRow, Views};
 use crate::solve::config::Loaded;
 use crate::solve::session_args::SessionArgs;
 use crate::solve::{Input, antenna_names};
 use crate::summary::Damage;
+use noise::NoiseRow;
 use patient::{Finding, Patient};
 use sample::Sample;
 use trials::Trials;
@@ -41,6 +44,9 @@ pub(crate) const WELL: f64 = 0.98;
 const MAX_EPOCHS: usize = 80;
 /// The same where another command asks.
 const MAX_EPOCHS_IN_PASSING: usize = 60;
+
+/// Satellites behind something that are named in the text.
+const MAX_HIDDEN: usize = 5;
 
 /// Says in words why there is no fix, and what to change.
 #[derive(Debug, clap::Args)]
@@ -74,6 +80,8 @@ struct Examination {
     trials: Option<Trials>,
     /// As configured.
     integers: Integers,
+    views: Views,
+    noise: Vec<NoiseRow>,
     signals: Vec<UsageRow>,
     findings: Vec<Finding>,
 }
@@ -90,6 +98,8 @@ struct File<'a> {
     checks: Vec<CheckRow>,
     left_out: Vec<LeftOutRow<'a>>,
     idle_antennas: Vec<IdleRow<'a>>,
+    hidden: Vec<HiddenRow>,
+    noise: &'a [NoiseRow],
     signals: &'a [UsageRow],
 }
 
@@ -101,7 +111,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let examination = examine(&session.loaded, MAX_EPOCHS)?;
     let names = antenna_names(&session.loaded);
     let told = examination.text(&names, args.signals);
-    let Examination { sample, trials, integers, signals, findings } = &examination;
+    let Examination { sample, trials, integers, views, noise, signals, findings } = &examination;
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
         epochs: sample.of,
@@ -112,6 +122,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         checks: integers.failed(),
         left_out: integers.left_out(),
         idle_antennas: integers.idle(&names),
+        hidden: views.hidden(&names),
+        noise,
         signals,
     };
     let folder = OutputFolder::begin(&args.out, OUTPUTS, &session.inputs())?;
@@ -147,21 +159,34 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     if let Some(copy) = presence::one_recording(&names, &sample) {
         let findings = std::iter::once(copy).chain(presence::broken_files(&damage)).collect();
-        let (integers, signals) = (Integers::default(), Vec::new());
-        return Ok(Examination { sample, trials: None, integers, signals, findings });
+        return Ok(Examination {
+            sample,
+            trials: None,
+            integers: Integers::default(),
+            views: Views::default(),
+            noise: Vec::new(),
+            signals: Vec::new(),
+            findings,
+        });
     }
     let trials = Trials::run(&settings, &navigation, &mounts, &sample, &names);
     let integers = Integers::of(&trials.configured.rows, &names);
     let signals = usage(&sample, &trials.configured, &navigation, &settings, &names);
+    let rows = &trials.configured.rows;
+    let noise = noise::noise(rows, &settings.noise, &names);
+    let mut views = Views::default();
+    rows.iter().for_each(|row| views.add(&row.residuals));
     let patient = Patient {
         names: &names,
         settings: &settings,
         array: settings.array.as_ref(),
         navigation: &navigation,
         mounts: &mounts,
+        views: &views,
     };
     let findings = diagnosis::findings(&patient, &sample, &trials, &signals, &integers, &damage);
-    Ok(Examination { sample, trials: Some(trials), integers, signals, findings })
+    let trials = Some(trials);
+    Ok(Examination { sample, trials, integers, views, noise, signals, findings })
 }
 
 /// The first finding in one line, for the end of another command; where the files cannot be read
@@ -195,6 +220,10 @@ impl Examination {
             for sentence in self.integers.sentences(names) {
                 let _ = writeln!(text, "as configured: {sentence}");
             }
+            for row in self.views.hidden(names).iter().take(MAX_HIDDEN) {
+                let _ = writeln!(text, "{}", row.sentence());
+            }
+            text += &noise::text(&self.noise);
             text += &usage::text(&self.signals, names, every_signal);
         }
         for (number, Finding { cause, evidence, advice, .. }) in self.findings.iter().enumerate() {

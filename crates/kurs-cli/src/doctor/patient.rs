@@ -6,6 +6,8 @@ use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
 use serde::Serialize;
 
+use crate::report::views::Views;
+
 /// A share of the epochs that makes something a cause.
 pub(super) const MANY: f64 = 0.2;
 /// A trial with this many more of the epochs fixed mends something.
@@ -31,4 +33,6 @@ pub(super) struct Patient<'a> {
     pub(super) array: Option<&'a AntennaArray>,
     pub(super) navigation: &'a NavigationData,
     pub(super) mounts: &'a [Option<MountedAntenna>],
+    /// Of the rows as configured.
+    pub(super) views: &'a Views,
 }

@@ -4,6 +4,7 @@ mod plots;
 mod residuals;
 pub(crate) mod span;
 mod thinning;
+pub(crate) mod views;
 
 use std::path::Path;
 
@@ -21,6 +22,10 @@ use crate::truth::TruthRow;
 use plots::{Epochs, Shown};
 use residuals::Residuals;
 use thinning::Thinned;
+use views::Views;
+
+/// Satellites behind something that are named for each antenna.
+const MAX_HIDDEN: usize = 5;
 
 /// What the plots need of one epoch.
 #[derive(Debug, Clone)]
@@ -52,6 +57,7 @@ pub(crate) struct Report {
     samples: Thinned,
     integers: Integers,
     residuals: Residuals,
+    views: Views,
     way: Way,
 }
 
@@ -88,6 +94,7 @@ impl Report {
             samples: Thinned::default(),
             integers: Integers::default(),
             residuals: Residuals::default(),
+            views: Views::default(),
             way: Way::default(),
         }
     }
@@ -104,6 +111,7 @@ impl Report {
         }
         self.integers.add(row, &self.antennas);
         self.residuals.add(&row.residuals);
+        self.views.add(&row.residuals);
         let attitude = row.attitude.as_ref();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
         let sd = |k| attitude.map_or(0.0, |a| a.covariance_rad2[(k, k)].sqrt().to_degrees());
@@ -145,6 +153,7 @@ impl Report {
             page.heading("Sky");
             page.square_plot(&plots::sky(&epochs, ephemerides, &self.residuals));
         }
+        self.write_views(&mut page);
         write_track(&mut page, &epochs);
         page.heading("Configuration in force");
         page.verbatim(&words.configuration);
@@ -210,6 +219,22 @@ impl Report {
             let known_m = self.known_lengths_m.get(k).copied().flatten();
             let name = format!("{} to {name}", self.antennas[0]);
             page.time_plot(&plots::length(epochs, k, &name, known_m));
+        }
+    }
+
+    /// The horizon as each antenna sees it, where something stands before it.
+    fn write_views(&self, page: &mut Page) {
+        for (antenna, name) in self.antennas.iter().enumerate() {
+            let views = self.views.of_antenna(antenna);
+            if views.is_empty() {
+                continue;
+            }
+            page.heading(&format!("Sky as {name} sees it"));
+            let hidden = self.views.hidden(&self.antennas);
+            for row in hidden.iter().filter(|row| row.antenna == *name).take(MAX_HIDDEN) {
+                page.paragraph(&format!("{}.", row.sentence()));
+            }
+            page.square_plot(&plots::view(&views));
         }
     }
 

@@ -18,6 +18,7 @@ use plotly::{Layout, Plot, Scatter};
 
 use super::Sample;
 use super::residuals::{OfCell, OfSignal, Residuals};
+use super::views::View;
 use crate::chart::{self, Clock, Curve, constant};
 use crate::page::colour::{BLUE, GREEN, GREY, ORANGE, VERMILION};
 use crate::page::laid_out;
@@ -27,6 +28,8 @@ const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
 /// Residuals from here on have the last colour of the scale.
 const MAX_COLOUR_MM: f64 = 8.0;
+/// What is missing of a signal has the last colour from here on.
+const MAX_COLOUR_DB: f64 = 12.0;
 /// An angle less certain than this says nothing; bands as wide would hide all others.
 const MAX_BAND_SD_DEG: f64 = 60.0;
 /// What changes by less is one number, not a curve.
@@ -257,6 +260,36 @@ pub(super) fn success_rate(epochs: &Epochs) -> Option<Shown> {
 /// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
 /// their residuals, and the paths of the others.
 pub(super) fn sky(epochs: &Epochs, ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
+    let mut plot = disc();
+    add_paths(&mut plot, &epochs.samples, ephemerides);
+    add_cells(&mut plot, residuals);
+    plot
+}
+
+/// The sky of one antenna, coloured by what is missing of the signals.
+pub(super) fn view(views: &[View]) -> Plot {
+    let mut plot = disc();
+    let place = |view: &View| on_disc(view.azimuth_rad, view.elevation_rad);
+    let (x, y): (Vec<f64>, Vec<f64>) =
+        views.iter().map(place).map(|(east, north)| (rounded(east), rounded(north))).unzip();
+    let missing_db: Vec<f64> = views.iter().map(|view| rounded(view.missing_db)).collect();
+    let words = |view: &View| format!("{} {:.1} dB", view.satellite, view.missing_db);
+    let marker = Marker::new()
+        .color_array(missing_db)
+        .cmin(0.0)
+        .cmax(MAX_COLOUR_DB)
+        .color_scale(ColorScale::Palette(ColorScalePalette::Cividis))
+        .color_bar(colour_bar("missing, dB"))
+        .show_scale(true)
+        .size(9);
+    let names: Vec<String> = views.iter().map(words).collect();
+    let cells = Scatter::new(x, y).mode(Mode::Markers).marker(marker);
+    plot.add_trace(cells.show_legend(false).hover_text_array(names));
+    plot
+}
+
+/// An empty sky: north up, the zenith in the middle.
+fn disc() -> Plot {
     let axis = || Axis::new().visible(false).range(vec![-1.15, 1.15]);
     let mut plot = laid_out(
         Layout::new()
@@ -281,8 +314,6 @@ pub(super) fn sky(epochs: &Epochs, ephemerides: &EphemerisStore, residuals: &Res
     let heights = Scatter::new(vec![0.0; 2], [30.0, 60.0].map(|deg| 1.0 - deg / 90.0).to_vec());
     let heights = heights.mode(Mode::Text).text_array(vec!["30°", "60°"]);
     plot.add_trace(heights.text_font(Font::new().size(10).color(GREY)).show_legend(false));
-    add_paths(&mut plot, &epochs.samples, ephemerides);
-    add_cells(&mut plot, residuals);
     plot
 }
 
@@ -314,6 +345,16 @@ fn add_paths(plot: &mut Plot, samples: &[Sample], ephemerides: &EphemerisStore) 
     plot.add_trace(paths.name("not used"));
 }
 
+/// The scale of a disc's colours, below it.
+fn colour_bar(title: &str) -> ColorBar {
+    ColorBar::new()
+        .title(title)
+        .orientation(Orientation::Horizontal)
+        .y(-0.02)
+        .y_anchor(Anchor::Top)
+        .thickness(12)
+}
+
 /// Where phases were used: the shape tells the system, the colour the residual.
 fn add_cells(plot: &mut Plot, residuals: &Residuals) {
     let mut has_scale = false;
@@ -328,18 +369,12 @@ fn add_cells(plot: &mut Plot, residuals: &Residuals) {
         let millimetres: Vec<f64> = cells.iter().map(|cell| rounded(cell.phase_m * 1e3)).collect();
         let words = |(cell, mm): (&OfCell, &f64)| format!("{} {mm:.1} mm", cell.satellite);
         let names: Vec<String> = cells.iter().zip(&millimetres).map(words).collect();
-        let bar = ColorBar::new()
-            .title("phase residual, mm")
-            .orientation(Orientation::Horizontal)
-            .y(-0.02)
-            .y_anchor(Anchor::Top)
-            .thickness(12);
         let marker = Marker::new()
             .color_array(millimetres)
             .cmin(0.0)
             .cmax(MAX_COLOUR_MM)
             .color_scale(ColorScale::Palette(ColorScalePalette::Cividis))
-            .color_bar(bar)
+            .color_bar(colour_bar("phase residual, mm"))
             .show_scale(!has_scale)
             .symbol(symbol_of(system))
             .size(9);

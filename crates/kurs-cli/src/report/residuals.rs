@@ -17,7 +17,7 @@ struct Squares {
 }
 
 /// Satellite, elevation and azimuth in whole cells.
-type Cell = (Satellite, i64, i64);
+pub(super) type Cell = (Satellite, i64, i64);
 
 /// See the module.
 #[derive(Debug, Default)]
@@ -93,7 +93,6 @@ impl Residuals {
 
     /// The cells in which phases of a system were left with residuals.
     pub(super) fn by_cell(&self, system: System) -> Vec<OfCell> {
-        let centre_rad = |cell: i64| ((cell as f64 + 0.5) * CELL_DEG).to_radians();
         let of_system =
             self.by_cell.iter().filter(|((satellite, ..), _)| satellite.system == system);
         of_system
@@ -109,8 +108,13 @@ impl Residuals {
     }
 }
 
+/// The middle of a cell.
+pub(super) fn centre_rad(cell: i64) -> f64 {
+    ((cell as f64 + 0.5) * CELL_DEG).to_radians()
+}
+
 #[allow(clippy::cast_possible_truncation)] // at most some hundred cells
-fn cell(angle_rad: f64) -> i64 {
+pub(super) fn cell(angle_rad: f64) -> i64 {
     (angle_rad.to_degrees() / CELL_DEG).floor() as i64
 }
 
@@ -128,6 +132,7 @@ mod tests {
             elevation_rad: 31f64.to_radians(),
             code_m: Some(1.0),
             phase_m,
+            missing_db: 0.0,
         };
         let mut residuals = Residuals::default();
         residuals.add(&[residual("G05", "G1C", Some(0.003)), residual("G05", "G2W", None)]);

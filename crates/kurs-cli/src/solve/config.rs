@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use kurs::array::AntennaArray;
-use kurs::engine::{Ambiguities, Constraint, Settings};
+use kurs::engine::{Ambiguities, Constraint, Direction, Settings};
 use kurs::float_solution::recursive::Motion;
 use kurs::frames::Vector;
 use kurs::signal::Band;
@@ -12,6 +12,7 @@ use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::{LogPart, Protocol};
 use kurs_formats::sbf::AntennaId;
+use kurs_formats::source::can_be_read_again;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -229,6 +230,7 @@ pub(crate) struct SolveTable {
     pub(crate) bands: Option<Vec<String>>,
     pub(crate) elevation_mask_deg: f64,
     pub(crate) ambiguity: AmbiguityKey,
+    pub(crate) direction: DirectionKey,
     pub(crate) motion: MotionKey,
     pub(crate) random_walk_m: f64,
     pub(crate) constraint: Option<ConstraintKey>,
@@ -248,6 +250,14 @@ pub(crate) struct SolveTable {
 pub(crate) enum AmbiguityKey {
     Instantaneous,
     Continuous,
+}
+
+/// From which end the session is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum DirectionKey {
+    Forward,
+    Both,
 }
 
 /// How baselines move from epoch to epoch while ambiguities are carried on.
@@ -274,6 +284,7 @@ impl Default for SolveTable {
             bands: None,
             elevation_mask_deg: 10.0,
             ambiguity: AmbiguityKey::Instantaneous,
+            direction: DirectionKey::Forward,
             motion: MotionKey::Free,
             random_walk_m: 0.1,
             constraint: None,
@@ -362,7 +373,9 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
     let (config, text) = typed(&table).map_err(UsageError)?;
     let loaded = Loaded { config, window: overrides.window, folder, origins, text };
     loaded.check()?;
-    if !overrides.is_live {
+    if overrides.is_live {
+        loaded.check_live()?;
+    } else {
         loaded.check_files()?;
     }
     Ok(loaded)
@@ -501,6 +514,7 @@ impl Loaded {
 
     /// Every antenna, and the station if there is one, must have files.
     fn check_files(&self) -> Result<(), UsageError> {
+        self.check_direction()?;
         let Config { antenna, station, .. } = &self.config;
         if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
             return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
@@ -509,6 +523,37 @@ impl Loaded {
             return Err(UsageError("station: `obs` names no file".into()));
         }
         Ok(())
+    }
+
+    /// A stream has no end to begin from.
+    fn check_live(&self) -> Result<(), UsageError> {
+        if self.config.solve.direction == DirectionKey::Forward {
+            return Ok(());
+        }
+        Err(UsageError(
+            "solve.direction is \"both\", expected \"forward\": a stream can only be solved as it comes".into(),
+        ))
+    }
+
+    /// Files that both directions need twice, and what the later one would know.
+    fn check_direction(&self) -> Result<(), UsageError> {
+        if self.config.solve.direction == DirectionKey::Forward {
+            return Ok(());
+        }
+        if self.config.nav.as_received {
+            return Err(UsageError(
+                "solve.direction is \"both\" and nav.as_received is true, expected one of them: a backward run \
+                 knows what came later"
+                    .into(),
+            ));
+        }
+        match self.input_files().into_iter().find(|file| !can_be_read_again(file)) {
+            None => Ok(()),
+            Some(file) => Err(UsageError(format!(
+                "solve.direction is \"both\", which reads every file twice: {} can be read once only",
+                file.display()
+            ))),
+        }
     }
 
     fn check(&self) -> Result<(), UsageError> {
@@ -648,6 +693,7 @@ impl Loaded {
             bands,
             elevation_mask_rad: solve.elevation_mask_deg.to_radians(),
             ambiguities: self.ambiguities(),
+            direction: Direction::Forward,
             constraint: self.constraint(),
             array_sd_m: solve.array_sd_m,
             max_wrong_fix_rate: solve.max_wrong_fix_rate,

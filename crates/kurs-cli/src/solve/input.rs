@@ -34,20 +34,25 @@ impl Input {
     pub(crate) fn open(loaded: &Loaded) -> anyhow::Result<Self> {
         let (mut navigation, mut damage) = read_navigation(loaded)?;
         let phase_centers = phase_centers::read(loaded, &mut damage)?;
-        let options = LogOptions {
-            approximate_time: loaded.approximate_time(),
-            navigation_time: middle_time(&navigation),
-            as_received: loaded.config.nav.as_received,
-            ..LogOptions::default()
-        };
-        let antennas = observation_files(loaded, &options);
-        let streams = Streams::open(antennas, station_files(loaded, &options), loaded.window)?;
+        let streams = streams(loaded, &navigation)?;
         // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
         }
         Ok(Self { navigation, streams, phase_centers, damage })
     }
+}
+
+/// The observations of all antennas and of the station, from their begin.
+pub(super) fn streams(loaded: &Loaded, navigation: &NavigationData) -> anyhow::Result<Streams> {
+    let options = LogOptions {
+        approximate_time: loaded.approximate_time(),
+        navigation_time: middle_time(navigation),
+        as_received: loaded.config.nav.as_received,
+        ..LogOptions::default()
+    };
+    let antennas = observation_files(loaded, &options);
+    Streams::open(antennas, station_files(loaded, &options), loaded.window)
 }
 
 /// Navigation data of all files, the logs among the observation files too; what was damaged in them.

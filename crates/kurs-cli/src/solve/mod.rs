@@ -1,5 +1,6 @@
 //! `kurs solve`: observation and navigation files in, attitude out.
 
+mod backward;
 pub(crate) mod config;
 mod explain;
 pub(crate) mod found_files;
@@ -16,8 +17,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use kurs::antenna_calibration::MountedAntenna;
+use kurs::both_directions::BackwardRows;
 use kurs::differential::Differential;
-use kurs::engine::{Engine, Settings, SettingsError};
+use kurs::engine::{Direction, Engine, Settings, SettingsError};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
@@ -32,7 +34,7 @@ use crate::progress::{Progress, Work};
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
-use config::Loaded;
+use config::{DirectionKey, Loaded};
 use explain::ExplainFormat;
 pub(crate) use input::{Input, antenna_names};
 use nmea::NmeaLog;
@@ -161,18 +163,31 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         phase_centers.tell();
     }
     let mut review = Review::new(args, loaded, &navigation)?;
-    let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
     let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;
+    let watch = Watch::begin();
+    let mut backward = match loaded.config.solve.direction {
+        DirectionKey::Both if capable => {
+            let settings = Settings { direction: Direction::Backward, ..settings.clone() };
+            let mounts = phase_centers.mounts.clone();
+            let engine = engine(loaded, settings, navigation.clone(), mounts)?;
+            let mut progress = Progress::start(args.quiet, Work::BACKWARD);
+            let rows = backward::solve(loaded, &navigation, engine, &watch, &mut progress)?;
+            progress.finish();
+            rows
+        }
+        _ => BackwardRows::default(),
+    };
+    let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
 
     let mut summary = Summary::new(antenna_names(loaded));
     let mut copies = Copies::default();
     let mut progress = Progress::start(args.quiet, Work::SOLVE);
     let mut epoch = ArrayEpoch::default();
-    let watch = Watch::begin();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
         streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+        row = backward.join(row);
         if copies.add(&epoch) {
             refuse_zero_baseline(&mut row);
         }

@@ -194,6 +194,7 @@ fn wrong_configuration_exits_2_and_names_the_key() {
         (["--set", "novalue"], "--set novalue: expected key=value"),
         (["--set", "constraint=sphere"], "--set constraint=sphere"),
         (["--set", "ambiguity=sometimes"], "--set ambiguity=sometimes"),
+        (["--set", "direction=backward"], "--set direction=backward"),
         (["--antenna", "A={}/b.obs@2,0,0"], "name `A`"),
         (["--antenna", "C={}/b.obs"], "`position_m` is missing for C"),
         (["--antenna", "C={}/b.obs@1,0,0"], "`B` and `C` are 0.0000 m apart"),
@@ -204,6 +205,13 @@ fn wrong_configuration_exits_2_and_names_the_key() {
         assert!(said.contains(expected), "{more:?}: {said}");
         folder.assert_nothing_written(expected);
     }
+    let both = ["--set", "direction=both", "--set", "nav.as_received=true"];
+    let (status, said) = folder.solve(&[&good[..], &both[..]].concat());
+    assert_eq!(
+        (status, said.contains("a backward run knows what came later")),
+        (2, true),
+        "{said}"
+    );
     let (status, said) = folder.solve(&["--antenna", "A={}/a.obs", "--nav", "{}/good.nav"]);
     assert_eq!((status, said.contains("at least two are needed")), (2, true), "{said}");
     let (status, said) = folder.solve(&[]);

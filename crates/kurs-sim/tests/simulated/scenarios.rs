@@ -4,8 +4,11 @@
 
 use crate::bound;
 use crate::links::{CLASSES_DB, Links, RECORDED};
-use crate::solving::{self, Tally, settings};
-use kurs::engine::{Constraint, Settings};
+use crate::solving::{self, Tally, TrueCycles, as_told, continuous, settings};
+use kurs::both_directions::BackwardRows;
+use kurs::engine::{Constraint, Direction, Engine, Settings};
+use kurs::solution::EpochSolution;
+use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 
 /// At least 99 % fixed, no integer wrong.
 #[test]
@@ -41,6 +44,47 @@ fn covariances_hold_under_reflections() {
         assert!(tally.fixed as f64 >= least_fixed * tally.epochs as f64, "{name}: {tally:?}");
         assert_eq!(tally.wrong, 0, "{name}: {tally:?}");
     }
+}
+
+/// Few satellites on one band, and twenty seconds without any: what the forward run gathers only after a while the
+/// backward run knows from later epochs. Together they fix more than either, and nothing wrong.
+#[test]
+fn both_directions_fix_more_than_either() {
+    let mut scenario = solving::ready("few-satellites");
+    scenario.interval_s = 1.0;
+    scenario.duration_s = 300.0;
+    scenario.signals = vec!["G1C".to_owned()];
+    scenario.outage.push(toml::from_str("from_s = 140.0\nto_s = 160.0").unwrap());
+    let forward = continuous(as_told(&scenario, Constraint::Array));
+    let backward = Settings { direction: Direction::Backward, ..forward.clone() };
+
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let engine = |settings| Engine::new(settings, simulation.navigation().clone()).unwrap();
+    let (mut forward, mut backward) = (engine(forward), engine(backward));
+    let mut cycles = TrueCycles::of(simulation.scenario());
+    let (mut epochs, mut epoch) = (Vec::new(), SimulatedEpoch::default());
+    while simulation.next_epoch(&mut epoch) {
+        epochs.push(epoch.clone());
+    }
+    let of_epoch = |epoch: &SimulatedEpoch| backward.push(&epoch.bodies[0].observed);
+    let backward_rows: Vec<EpochSolution> = epochs.iter().rev().map(of_epoch).collect();
+    let mut hindsight = BackwardRows::default();
+    backward_rows.iter().cloned().for_each(|row| hindsight.push(row));
+
+    let mut tallies = [Tally::default(); 3];
+    for (epoch, backward) in epochs.iter().zip(backward_rows.iter().rev()) {
+        cycles.take(epoch);
+        let body = &epoch.bodies[0];
+        let row = forward.push(&body.observed);
+        let both = hindsight.join(row.clone());
+        for (tally, row) in tallies.iter_mut().zip([&row, backward, &both]) {
+            tally.add(&body.truth, row, cycles.judge(&row.integers));
+        }
+    }
+    println!("forward, backward, both: {tallies:?}");
+    let [forward, backward, both] = tallies;
+    assert_eq!([forward.wrong, backward.wrong, both.wrong], [0; 3], "{tallies:?}");
+    assert!(both.fixed > forward.fixed.max(backward.fixed), "{tallies:?}");
 }
 
 /// Errors within 5 % of the bound of Cramér and Rao for the phases that are used, and the 99.9 % band

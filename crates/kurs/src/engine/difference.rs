@@ -34,7 +34,8 @@ impl Estimator {
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&links));
             match self.float(&mut links, &groups, &frame) {
                 Ok((float, code_fit)) => {
-                    let (time, began_anew) = (observed.time, false);
+                    let time = self.settings.direction.running_time(observed.time);
+                    let began_anew = false;
                     return Ok(Epoch { time, frame, links, groups, float, code_fit, began_anew });
                 }
                 Err(_) => {

@@ -15,10 +15,12 @@ use crate::glonass_ifb::GlonassIfb;
 use crate::link_noise::LinkNoise;
 use crate::observation::ArrayEpoch;
 use crate::solution::{EpochSolution, LeftOut, PredictionRole, Reason, Status};
+use crate::time::GpsTime;
 
 use super::PredictedAttitude;
 use super::acceptance::{Checks, Known, Scale};
 use super::array_misfit::ArrayMisfit;
+use super::direction::{Direction, Mirror};
 use super::fix::{Epoch, Fix};
 use super::locate::{Located, locate};
 use super::noise_levels::NoiseLevels;
@@ -39,6 +41,8 @@ pub(crate) struct Estimator {
     /// Buffers of the antennas.
     located: Vec<Located>,
     pub(super) links: Vec<Link>,
+    /// The epochs of a backward run as the phases' memory sees them.
+    mirror: Mirror,
     /// Arcs of continuous phase.
     pub(super) continuity: Continuity,
     /// What is known of their ambiguities; not in use where each epoch stands alone.
@@ -104,6 +108,7 @@ impl Estimator {
             mounts: Vec::new(),
             located: Vec::new(),
             links: Vec::new(),
+            mirror: Mirror::default(),
             continuity: Continuity::default(),
             link_noise: LinkNoise::default(),
             levels: NoiseLevels::default(),
@@ -132,7 +137,7 @@ impl Estimator {
         observed: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
-        self.levels.begin(observed.time);
+        self.levels.begin(self.settings.direction.running_time(observed.time));
         self.follow_phases(navigation, observed);
         let mut located = core::mem::take(&mut self.located);
         locate(observed, navigation, &self.settings, &mut located);
@@ -156,7 +161,11 @@ impl Estimator {
 
     /// Looks for cycle slips of every antenna, also in epochs that give no solution.
     fn follow_phases(&mut self, navigation: &NavigationData, observed: &ArrayEpoch) {
-        for (antenna, epoch) in observed.antennas.iter().enumerate() {
+        let seen = match self.settings.direction {
+            Direction::Forward => observed,
+            Direction::Backward => self.mirror.image(observed),
+        };
+        for (antenna, epoch) in seen.antennas.iter().enumerate() {
             let Some(epoch) = epoch else { continue };
             self.continuity.update(antenna, epoch, |satellite, band| {
                 band.wavelength_m(navigation.ephemerides.glonass_channel(satellite))
@@ -354,16 +363,16 @@ impl Estimator {
         let fixed = judged.oriented.fixed;
         if row.status == Status::Fixed {
             self.glonass_ifb.learn(&fixed.baselines.rovers, &fixed.correction_m);
-            self.remember_axes(row);
+            self.remember_axes(row, fixed.epoch.time);
         }
         self.links = fixed.epoch.links;
     }
 
     /// Keeps the body's axes of a fixed epoch; angles that antennas on one line leave open count as
     /// zero.
-    fn remember_axes(&mut self, row: &EpochSolution) {
+    fn remember_axes(&mut self, row: &EpochSolution, time: GpsTime) {
         let Some(attitude) = row.attitude else { return };
-        self.vertical.remember(row.time, &attitude);
+        self.vertical.remember(time, &attitude);
         let Some(heading_rad) = attitude.heading_rad else { return };
         let (pitch_rad, roll_rad) =
             (attitude.pitch_rad.unwrap_or(0.0), attitude.roll_rad.unwrap_or(0.0));

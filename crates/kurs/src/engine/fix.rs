@@ -24,6 +24,7 @@ const STRONG_MODEL: f64 = 1.0 - 1e-4;
 /// Double differences of an epoch and its float solution.
 #[derive(Debug)]
 pub(super) struct Epoch {
+    /// As the memory counts it ([`Direction`](super::Direction)).
     pub(super) time: GpsTime,
     pub(super) frame: CommonFrame,
     pub(super) links: Vec<Link>,

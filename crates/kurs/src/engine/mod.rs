@@ -10,11 +10,14 @@
 //! | orient | `orientation.rs` |
 //! | accept | `acceptance.rs`, with the session's `array_misfit.rs`, `session_fit.rs`, `witness.rs` |
 //! | row | `row.rs` |
+//!
+//! A run may go backward ([`Direction`]): then all that is remembered sees the epochs in a mirror (`direction.rs`).
 
 mod acceptance;
 mod array_misfit;
 mod code_free;
 mod difference;
+mod direction;
 mod estimator;
 mod fix;
 mod likelihood;
@@ -29,6 +32,7 @@ mod settings;
 mod subset;
 mod witness;
 
+pub use direction::Direction;
 pub(crate) use estimator::Estimator;
 pub use predicted_attitude::PredictedAttitude;
 pub(crate) use row::place_body;
@@ -89,7 +93,7 @@ impl Engine {
         self.navigation.update(news);
     }
 
-    /// Attitude, baselines and position of one epoch.
+    /// Attitude, baselines and position of one epoch, the next one in the [`Direction`] of the settings.
     pub fn push(&mut self, epoch: &ArrayEpoch) -> EpochSolution {
         self.push_predicted(epoch, None)
     }

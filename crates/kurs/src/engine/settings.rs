@@ -6,6 +6,8 @@ use crate::frames::{Body, Ecef, Vector};
 use crate::signal::{Band, System};
 use crate::sky::NoiseModel;
 
+use super::direction::Direction;
+
 /// What is known of the geometry inside the integer search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Constraint {
@@ -43,6 +45,8 @@ pub struct Settings {
     pub elevation_mask_rad: f64,
     /// What is carried from one epoch to the next.
     pub ambiguities: Ambiguities,
+    /// In which order the epochs come.
+    pub direction: Direction,
     /// Known geometry in the integer search.
     pub constraint: Constraint,
     /// Standard deviation of each coordinate of the known antenna positions, m.
@@ -73,6 +77,7 @@ impl Default for Settings {
             bands: None,
             elevation_mask_rad: 10f64.to_radians(),
             ambiguities: Ambiguities::Instantaneous,
+            direction: Direction::Forward,
             constraint: Constraint::None,
             array_sd_m: 0.002,
             max_wrong_fix_rate: 0.001,
