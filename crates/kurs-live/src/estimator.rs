@@ -300,8 +300,11 @@ impl StationEpochs {
                 self.permits.release(1);
             }
         }
-        let newest = self.waiting.front().filter(|epoch| epoch.time - time < window_s);
-        newest.filter(|epoch| time - epoch.time <= self.max_age_s.max(window_s)).cloned()
+        let serves = |epoch: &&AntennaEpoch| {
+            let age_s = time - epoch.time;
+            age_s > -window_s && (age_s < window_s || age_s <= self.max_age_s)
+        };
+        self.waiting.front().filter(serves).cloned()
     }
 }
 

@@ -337,7 +337,7 @@ mod tests {
             for _ in 0..=below(4) {
                 let at = below(bytes.len());
                 match below(3) {
-                    0 => bytes[at] = below(256) as u8,
+                    0 => bytes[at] = u8::try_from(below(256)).unwrap(),
                     1 => bytes.truncate(at + 1),
                     _ => bytes.extend_from_within(at..),
                 }

@@ -273,8 +273,8 @@ pub(crate) struct Status {
     pub(crate) clients_dropped: AtomicU64,
     /// Rows whose antennas have tags farther apart than one clock allows.
     pub(crate) clocks_apart: AtomicU64,
-    /// How much older than the last row the station's epoch in it is, ms (−1: none).
-    station_age_ms: AtomicI64,
+    /// How much older than the last row the station's epoch in it is, s: bits of a number, of none without one.
+    station_age_s: AtomicU64,
 }
 
 impl Status {
@@ -292,13 +292,12 @@ impl Status {
             clients: AtomicU64::new(0),
             clients_dropped: AtomicU64::new(0),
             clocks_apart: AtomicU64::new(0),
-            station_age_ms: AtomicI64::new(-1),
+            station_age_s: AtomicU64::new(f64::NAN.to_bits()),
         }
     }
 
     pub(crate) fn note_station(&self, age_s: Option<f64>) {
-        let age_ms = age_s.map_or(-1, |age_s| (age_s * 1e3).round() as i64);
-        self.station_age_ms.store(age_ms, Relaxed);
+        self.station_age_s.store(age_s.unwrap_or(f64::NAN).to_bits(), Relaxed);
     }
 
     pub(crate) fn note_row(&self, row: &EpochSolution) {
@@ -391,10 +390,11 @@ impl Status {
             head(&mut text, name, kind, help);
             let _ = writeln!(text, "{name} {value}");
         }
-        if let age_ms @ 0.. = self.station_age_ms.load(Relaxed) {
+        let station_age_s = f64::from_bits(self.station_age_s.load(Relaxed));
+        if station_age_s.is_finite() {
             let name = "kurs_station_age_seconds";
             head(&mut text, name, "gauge", "Age of the station's epoch in the last row.");
-            let _ = writeln!(text, "{name} {}", age_ms as f64 * 1e-3);
+            let _ = writeln!(text, "{name} {station_age_s:.3}");
         }
         let streams = self.streams();
         type Value = fn(&StreamStatus) -> f64;
@@ -565,7 +565,7 @@ mod tests {
             "kurs_stream_gaps_total{stream=\"a\\\"b\"} 1",
             "kurs_stream_gap_seconds_total{stream=\"a\\\"b\"} 2",
             "kurs_stream_cn0_dbhz{stream=\"a\\\"b\",band=\"G1\"} 42.50",
-            "kurs_station_age_seconds 1.25",
+            "kurs_station_age_seconds 1.250",
         ] {
             assert!(text.lines().any(|found| found == line), "{line}: {text}");
         }
