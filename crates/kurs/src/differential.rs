@@ -5,8 +5,8 @@
 //! from an antenna's ranges is the difference of the two. So both are baselines from the station,
 //! `x = x_station + b`, found by the same chain as those of the array, without known geometry.
 //!
-//! An epoch of the station that is older than the row's is carried to it by the broadcast orbits and clocks
-//! ([`carried`]); what they do not know grows with its age.
+//! An epoch of the station that is older than the row's is carried to it by the broadcast orbits and clocks;
+//! what they do not know grows with its age.
 
 mod carried;
 
