@@ -6,9 +6,17 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, OnceLock, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use kurs::ephemeris::NavigationData;
+use kurs::frames::Geodetic;
+use kurs::observation::AntennaEpoch;
+use kurs_formats::logs::{LogOptions, LogReader};
+use kurs_formats::sbf::SbfWriter;
+use kurs_formats::source::Source;
 
 /// Two antennas at rest, twenty seconds across midnight of GPST, 5 Hz.
 const SCENARIO: &str = r#"
@@ -34,6 +42,19 @@ position_m = [0.0, 0.0, 0.0]
 name = "A1"
 position_m = [1.2, 0.0, 0.0]
 "#;
+
+/// A hundred metres to the north of it.
+const STATION: &str = r#"
+[station]
+name = "base"
+place = { latitude_deg = 52.001, longitude_deg = 13.0, height_m = 90.0 }
+"#;
+
+/// The same place in a configuration.
+fn station_position() -> String {
+    let place = Geodetic::from_degrees(52.001, 13.0, 90.0).to_ecef().xyz();
+    format!("position_ecef_m = [{}, {}, {}]\n", place.x, place.y, place.z)
+}
 
 const EPOCHS: usize = 101;
 
@@ -221,20 +242,134 @@ fn a_log_as_fast_as_possible_gives_the_rows_of_solve() {
     }
 }
 
+/// A station that is read as fast as the antennas, on which every row waits.
+#[test]
+fn logs_with_a_station_give_the_rows_of_solve() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("scenario.toml");
+    fs::write(&scenario, SCENARIO.to_owned() + STATION).unwrap();
+    let mut simulate = kurs();
+    simulate.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+    assert!(simulate.status().unwrap().success());
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let with_station = |key: &dyn Fn(&str) -> String| {
+        let station = format!("[station]\n{}\n{}", key("base.ubx"), station_position());
+        configuration([&key("A0.ubx"), &key("A1.ubx")], &station)
+    };
+    let solve = with_station(&|name| format!("obs = [\"{}\"]", file(name)));
+    fs::write(file("solve.toml"), solve).unwrap();
+    let mut solve = kurs();
+    solve.arg("solve").arg(file("solve.toml")).args(["--quiet", "--out"]).arg(file("solved"));
+    assert!(solve.status().unwrap().success());
+    let wanted = ["attitude.csv", "baselines.csv"]
+        .map(|name| fs::read_to_string(folder.path().join("solved").join(name)).unwrap());
+    let live = with_station(&|name| format!("stream = \"file://{}?speed=0\"", file(name)));
+    let service = Service::start(folder.path(), &live, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &wanted, "with a station");
+}
+
 /// In pieces of any size, with delays between the antennas that the deadline allows.
 #[test]
 fn tcp_gives_the_rows_of_solve() {
     for format in ["ubx", "rtcm3", "sbf"] {
-        let folder = tempfile::tempdir().unwrap();
-        let ports = [serve(log(0, format), 3), serve(log(1, format), 5)];
-        let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
-        let live = "[live]\ndeadline_ms = 20000\n";
-        let configuration = configuration([&stream(0), &stream(1)], live);
-        let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
-        let (status, out) = service.end(Duration::from_secs(120));
-        assert_eq!(status, Some(0));
-        assert_same(&rows(&out), &solved(folder.path(), format, "instantaneous"), format);
+        for ambiguity in ["instantaneous", "continuous"] {
+            let folder = tempfile::tempdir().unwrap();
+            let ports = [serve(log(0, format), 3), serve(log(1, format), 5)];
+            let stream = |index: usize| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]);
+            let more =
+                format!("[live]\ndeadline_ms = 20000\n[solve]\nambiguity = \"{ambiguity}\"\n");
+            let configuration = configuration([&stream(0), &stream(1)], &more);
+            let service = Service::start(folder.path(), &configuration, &["--once", "--quiet"]);
+            let (status, out) = service.end(Duration::from_secs(120));
+            assert_eq!(status, Some(0));
+            let what = format!("{format} {ambiguity}");
+            assert_same(&rows(&out), &solved(folder.path(), format, ambiguity), &what);
+        }
     }
+}
+
+/// Datagrams to one antenna; the receiver of the other one connects by itself.
+#[test]
+fn datagrams_and_connections_of_receivers_give_the_rows_of_solve() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = [free_port(), free_port()];
+    let streams = [
+        format!("stream = \"udp://:{}\"", ports[0]),
+        format!("stream = \"tcp-listen://:{}\"", ports[1]),
+    ];
+    let live = "[live]\ndeadline_ms = 20000\n";
+    let text = configuration([&streams[0], &streams[1]], live);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let mut receiver = wait_for("the port", || TcpStream::connect(("127.0.0.1", ports[1])).ok());
+    let sending = thread::spawn(move || receiver.write_all(&log(1, "ubx")).map(|()| receiver));
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    for datagram in log(0, "ubx").chunks(1400) {
+        socket.send_to(datagram, ("127.0.0.1", ports[0])).unwrap();
+        // An empty one is no end.
+        socket.send_to(&[], ("127.0.0.1", ports[0])).unwrap();
+        thread::sleep(Duration::from_millis(2));
+    }
+    let out = service.out.clone();
+    wait_for("the rows", || (statuses(&out).len() == EPOCHS).then_some(()));
+    service.signal("-TERM");
+    let (status, out) = service.end(Duration::from_secs(10));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &solved(folder.path(), "ubx", "instantaneous"), "udp");
+    drop(sending.join().unwrap().unwrap());
+}
+
+/// An SBF receiver with two antennas, of which each table of the configuration names one.
+#[test]
+fn one_stream_may_carry_several_antennas() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = SCENARIO.to_owned() + "[clock]\ncommon = true\n";
+    let scenario = folder.path().join("scenario.toml");
+    fs::write(&scenario, text).unwrap();
+    let mut simulate = kurs();
+    simulate.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+    assert!(simulate.status().unwrap().success());
+    let mut navigation = NavigationData::default();
+    let epochs = ["A0.sbf", "A1.sbf"].map(|name| {
+        let file = fs::File::open(folder.path().join(name)).unwrap();
+        let source = Source::new(file, name.to_owned()).unwrap();
+        let mut reader = LogReader::of_stream(source, &LogOptions::default()).unwrap();
+        let mut epochs = Vec::new();
+        let mut epoch = AntennaEpoch::default();
+        while reader.next_epoch(&mut epoch).unwrap() {
+            navigation.update(&reader.take_news());
+            epochs.push(core::mem::take(&mut epoch));
+        }
+        epochs
+    });
+    let mut writer = SbfWriter::new(Vec::new(), &navigation);
+    for (first, second) in epochs[0].iter().zip(&epochs[1]) {
+        writer.write(&[first, second]).unwrap();
+    }
+    let log = writer.finish();
+    let file = folder.path().join("both.sbf");
+    fs::write(&file, &log).unwrap();
+
+    let chosen = ["main", "aux1"];
+    let obs = chosen.map(|id| format!("obs = [\"{}\"]\nantenna_id = \"{id}\"", file.display()));
+    let solve = folder.path().join("solve.toml");
+    fs::write(&solve, configuration([&obs[0], &obs[1]], "")).unwrap();
+    let solved = folder.path().join("solved");
+    let run = kurs().arg("solve").arg(&solve).arg("--quiet").arg("--out").arg(&solved).status();
+    assert!(run.unwrap().success());
+    let read = |name: &str| fs::read_to_string(solved.join(name)).unwrap();
+    let wanted = ["attitude.csv", "baselines.csv"].map(read);
+
+    let port = serve(log, 2);
+    let streams =
+        chosen.map(|id| format!("stream = \"tcp://127.0.0.1:{port}\"\nantenna_id = \"{id}\""));
+    let more = "[live]\ndeadline_ms = 20000\ncommon_clock = true\n";
+    let text = configuration([&streams[0], &streams[1]], more);
+    let service = Service::start(folder.path(), &text, &["--once", "--quiet"]);
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    assert_same(&rows(&out), &wanted, "two antennas of one stream");
 }
 
 /// The logs at the pace at which they were recorded, four times faster, with JSON lines and sentences
@@ -331,6 +466,8 @@ fn what_is_wrong_in_a_configuration_is_named() {
         ([good, "stream = \"tcp://nowhere\""], "", "HOST:PORT"),
         ([good, good], "[live]\ndeadline_ms = 0\n", "live.deadline_ms is 0"),
         ([good, good], "[live]\npage = \"0.0.0.0:80\"\n", "loopback"),
+        ([good, good], "[live]\npage = \"nowhere\"\n", "127.0.0.1:PORT"),
+        ([good, good], "[live]\ntoken_file = \"none\"\n", "live.token_file"),
         ([good, good], "[live]\npages = 1\n", "`pages`"),
         ([good, good], "[[output]]\nto = \"file://a\"\nprofile = \"csv\"\n", "tcp-listen://"),
         ([good, good], "[[output]]\nto = \"udp://:1\"\nprofile = \"px5\"\n", "px5"),
@@ -427,13 +564,18 @@ struct Receivers {
 
 impl Receivers {
     fn start(folder: &Path, format: &str, interval_s: f64, speed: &str) -> Self {
-        let scenario = folder.join("scenario.toml");
         let text = SCENARIO.replace("interval_s = 0.2", &format!("interval_s = {interval_s}"));
+        Self::of_scenario(folder, &text, format, speed)
+    }
+
+    fn of_scenario(folder: &Path, text: &str, format: &str, speed: &str) -> Self {
+        let scenario = folder.join("scenario.toml");
         fs::write(&scenario, text.replace("duration_s = 20.0", "duration_s = 600.0")).unwrap();
-        // Two in a row are needed.
+        // Three in a row are needed.
+        let is_free = |port: u16| TcpListener::bind(("127.0.0.1", port)).is_ok();
         let port = (0..)
             .map(|_| free_port())
-            .find(|port| *port < u16::MAX && TcpListener::bind(("127.0.0.1", port + 1)).is_ok());
+            .find(|port| *port < u16::MAX - 2 && is_free(port + 1) && is_free(port + 2));
         let port = port.unwrap();
         let mut command = kurs();
         command.arg("simulate").arg(&scenario).args(["--quiet", "--stream", &port.to_string()]);
@@ -563,6 +705,414 @@ fn a_cut_cable_and_clients_that_do_not_read() {
     drop(joint);
 }
 
+/// What happens on a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    None,
+    /// The receiver says nothing, the connection stays.
+    Silent,
+    /// Random bytes in place of what was sent.
+    Noise,
+    /// Every byte comes as another one.
+    WrongBaud,
+    /// Every epoch comes twice.
+    Twice,
+    /// Connections are closed as soon as they are made.
+    Storm,
+    /// One epoch of five gets through.
+    Sparse,
+}
+
+/// Lines between receivers and service, on which things happen.
+#[derive(Clone)]
+struct Lines {
+    ports: Vec<u16>,
+    state: Arc<Mutex<Vec<Line>>>,
+    attempts: Arc<AtomicUsize>,
+}
+
+struct Line {
+    fault: Fault,
+    /// To which client the bytes go.
+    to: usize,
+    delay: Duration,
+    client: Option<TcpStream>,
+}
+
+impl Lines {
+    fn new(receivers: &Receivers, count: u16) -> Self {
+        let line = |to| Line { fault: Fault::None, to, delay: Duration::ZERO, client: None };
+        let state = Arc::new(Mutex::new((0..usize::from(count)).map(line).collect::<Vec<_>>()));
+        let attempts = Arc::new(AtomicUsize::new(0));
+        let start = |index: u16| {
+            let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+            let port = listener.local_addr().unwrap().port();
+            let (number, from) = (usize::from(index), receivers.port + index);
+            let (of_clients, of_receiver, of_bytes) = (state.clone(), state.clone(), state.clone());
+            let attempts = attempts.clone();
+            let (has_client, client_there) = mpsc::channel();
+            thread::spawn(move || {
+                for client in listener.incoming().map_while(Result::ok) {
+                    attempts.fetch_add(1, Relaxed);
+                    let line = &mut of_clients.lock().unwrap()[number];
+                    line.client = (line.fault != Fault::Storm).then_some(client);
+                    let _ = has_client.send(());
+                }
+            });
+            let (bytes, queued) = mpsc::channel::<(Instant, Vec<u8>)>();
+            thread::spawn(move || {
+                // The receiver begins with the service.
+                client_there.recv().unwrap();
+                let connect = || TcpStream::connect(("127.0.0.1", from)).ok();
+                let mut receiver = wait_for("the receiver", connect);
+                let mut buffer = vec![0; 65_536];
+                while let Ok(count @ 1..) = receiver.read(&mut buffer) {
+                    let due = Instant::now() + of_receiver.lock().unwrap()[number].delay;
+                    if bytes.send((due, buffer[..count].to_vec())).is_err() {
+                        return;
+                    }
+                }
+            });
+            thread::spawn(move || {
+                for (piece, (due, bytes)) in queued.iter().enumerate() {
+                    thread::sleep(due.saturating_duration_since(Instant::now()));
+                    let mut lines = of_bytes.lock().unwrap();
+                    let Line { fault, to, .. } = lines[number];
+                    let Some(client) = &mut lines[to].client else { continue };
+                    let sent = altered(fault, bytes, piece);
+                    if fault == Fault::Storm || client.write_all(&sent).is_err() {
+                        lines[to].client = None;
+                    }
+                }
+            });
+            port
+        };
+        let ports = (0..count).map(start).collect();
+        Self { ports, state, attempts }
+    }
+
+    fn stream(&self, index: usize) -> String {
+        format!("stream = \"tcp://127.0.0.1:{}\"", self.ports[index])
+    }
+
+    fn set(&self, faults: &[(usize, Fault)]) {
+        for (index, fault) in faults {
+            self.state.lock().unwrap()[*index].fault = *fault;
+        }
+    }
+}
+
+/// What leaves the line in place of these bytes.
+fn altered(fault: Fault, mut bytes: Vec<u8>, piece: usize) -> Vec<u8> {
+    match fault {
+        Fault::None => bytes,
+        Fault::Silent | Fault::Storm => Vec::new(),
+        Fault::Sparse if piece.is_multiple_of(5) => bytes,
+        Fault::Sparse => Vec::new(),
+        Fault::Twice => bytes.repeat(2),
+        Fault::WrongBaud => bytes.iter().map(|byte| byte.rotate_left(3) ^ 0x55).collect(),
+        Fault::Noise => {
+            let mut state = piece as u64 + 1;
+            for byte in &mut bytes {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                *byte = (state >> 56) as u8;
+            }
+            bytes
+        }
+    }
+}
+
+/// Messages of an output, as they come.
+#[derive(Clone, Default)]
+struct Messages(Arc<Mutex<Vec<serde_json::Value>>>);
+
+impl Messages {
+    fn of_port(port: u16) -> Self {
+        let messages = Self::default();
+        let list = messages.0.clone();
+        let stream = wait_for("the output", || TcpStream::connect(("127.0.0.1", port)).ok());
+        thread::spawn(move || {
+            for line in BufReader::new(stream).lines().map_while(Result::ok) {
+                list.lock().unwrap().push(serde_json::from_str(&line).unwrap());
+            }
+        });
+        messages
+    }
+
+    fn count(&self) -> usize {
+        self.0.lock().unwrap().len()
+    }
+
+    /// How many from this number on are like that.
+    fn like(&self, from: usize, is_like: impl Fn(&serde_json::Value) -> bool) -> usize {
+        self.0.lock().unwrap()[from..].iter().filter(|value| is_like(value)).count()
+    }
+
+    /// Every heading that left was right, and no time came twice.
+    fn check(&self, heading_deg: f64) {
+        let list = self.0.lock().unwrap();
+        for value in list.iter() {
+            if let Some(found_deg) = value["heading_deg"].as_f64() {
+                assert_eq!(value["status"], "fixed");
+                assert!((found_deg - heading_deg).abs() < 3.0, "{value}");
+            }
+        }
+        let time = |value: &serde_json::Value| value["measured_gpst"].as_str().unwrap().to_owned();
+        assert!(list.windows(2).all(|pair| time(&pair[0]) < time(&pair[1])));
+    }
+}
+
+/// Three antennas whose clocks step by milliseconds, and one thing after the other on their lines: in the
+/// meantime nothing wrong leaves, afterwards all three are in fixed rows again, and nothing needs a hand.
+#[test]
+fn nothing_wrong_leaves_whatever_the_streams_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = SCENARIO.to_owned()
+        + "[[body.antenna]]\nname = \"A2\"\nposition_m = [0.0, 0.9, 0.0]\n\
+           [clock]\nbias_sd_s = 4e-4\ndrift_sd = 2e-5\n";
+    let receivers = Receivers::of_scenario(folder.path(), &text, "ubx", "5");
+    let lines = Lines::new(&receivers, 3);
+    let (page, output) = (free_port(), free_port());
+    let more = format!(
+        "[[antenna]]\nname = \"A2\"\n{}\nposition_m = [0.0, 0.9, 0.0]\n[live]\ndeadline_ms = 100\n\
+         page = \"127.0.0.1:{page}\"\n[[output]]\nto = \"tcp-listen://:{output}\"\nprofile = \"jsonl\"\n",
+        lines.stream(2)
+    );
+    let text = configuration([&lines.stream(0), &lines.stream(1)], &more);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let messages = Messages::of_port(output);
+    let whole = |value: &serde_json::Value| value["status"] == "fixed" && value["antennas"] == 3;
+    let all_is_well = |after: &str| {
+        let from = messages.count();
+        wait_for(after, || (messages.like(from, whole) > 10).then_some(()));
+    };
+    all_is_well("the start");
+    let connected = lines.attempts.load(Relaxed);
+    for (faults, told) in [
+        (&[(1, Fault::Silent)][..], Some("A1 is connected, but no epoch came")),
+        (&[(1, Fault::Noise)], Some("A1 is connected, but no epoch came")),
+        (&[(2, Fault::WrongBaud)], Some("A2 is connected, but no epoch came")),
+        (&[(0, Fault::Twice)], None),
+        (&[(0, Fault::Storm), (1, Fault::Storm), (2, Fault::Storm)], Some("no row for")),
+    ] {
+        let from = messages.count();
+        lines.set(faults);
+        match told {
+            Some(told) => wait_for(told, || {
+                let (status, body) = get(page, "/healthz");
+                (status == 503 && body.contains(told)).then_some(())
+            }),
+            None => thread::sleep(Duration::from_secs(1)),
+        }
+        if told.is_some_and(|told| told.starts_with('A')) {
+            let two = |value: &serde_json::Value| value["antennas"] == 2;
+            assert!(messages.like(from, two) > 0, "{faults:?}: rows without the silent one");
+        }
+        thread::sleep(Duration::from_millis(500));
+        lines.set(&faults.iter().map(|(index, _)| (*index, Fault::None)).collect::<Vec<_>>());
+        all_is_well(&format!("the end of {faults:?}"));
+        wait_for("good health", || (get(page, "/healthz").0 == 200).then_some(()));
+    }
+    // Everyone waits longer and longer: in the second or two of the storm there were few attempts.
+    let attempts = lines.attempts.load(Relaxed) - connected;
+    assert!((3..30).contains(&attempts), "{attempts}");
+
+    // The plugs of two antennas are swapped: that is another array, of which nothing is believed.
+    let swap = |to: [usize; 2]| {
+        let mut state = lines.state.lock().unwrap();
+        (state[1].to, state[2].to) = (to[0], to[1]);
+    };
+    swap([2, 1]);
+    thread::sleep(Duration::from_secs(3));
+    swap([1, 2]);
+    all_is_well("the swap");
+    messages.check(40.0);
+    drop(service);
+}
+
+/// One antenna comes half a second after the other: its rows are in the file and go to nobody.
+#[test]
+fn what_is_older_than_300_ms_does_not_leave() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "1");
+    let lines = Lines::new(&receivers, 2);
+    let (page, output) = (free_port(), free_port());
+    let more = format!(
+        "[live]\ndeadline_ms = 2000\npage = \"127.0.0.1:{page}\"\n\
+         [[output]]\nto = \"tcp-listen://:{output}\"\nprofile = \"jsonl\"\n"
+    );
+    let text = configuration([&lines.stream(0), &lines.stream(1)], &more);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let messages = Messages::of_port(output);
+    wait_for("messages", || (messages.count() > 5).then_some(()));
+    lines.state.lock().unwrap()[1].delay = Duration::from_millis(500);
+    let expired = || {
+        let metrics = get(page, "/metrics").1;
+        let line = metrics.lines().find(|line| line.starts_with("kurs_messages_expired_total "));
+        line.unwrap().split_once(' ').unwrap().1.parse::<u32>().unwrap()
+    };
+    wait_for("old messages", || (expired() > 2).then_some(()));
+    let (before, rows) = (messages.count(), statuses(&service.out).len());
+    wait_for("rows in the file", || (statuses(&service.out).len() > rows + 10).then_some(()));
+    assert_eq!(messages.count(), before, "nothing left");
+    assert!(statuses(&service.out)[rows..].iter().all(|(_, status)| status == "fixed"));
+    lines.state.lock().unwrap()[1].delay = Duration::ZERO;
+    wait_for("messages again", || (messages.count() > before + 5).then_some(()));
+    messages.check(40.0);
+}
+
+/// A station once a second, a second and a half late, beside antennas five times a second: the coordinates are
+/// relative to it all the same, and without it the attitude is what it was.
+#[test]
+fn a_late_station_serves_every_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers =
+        Receivers::of_scenario(folder.path(), &(SCENARIO.to_owned() + STATION), "rtcm3", "1");
+    let lines = Lines::new(&receivers, 3);
+    lines.set(&[(2, Fault::Sparse)]);
+    lines.state.lock().unwrap()[2].delay = Duration::from_millis(1500);
+    let (page, output) = (free_port(), free_port());
+    let more = format!(
+        "[live]\npage = \"127.0.0.1:{page}\"\n[station]\n{}\nmax_age_s = 4\n{}\
+         [[output]]\nto = \"tcp-listen://:{output}\"\nprofile = \"jsonl\"\n",
+        lines.stream(2),
+        station_position(),
+    );
+    let text = configuration([&lines.stream(0), &lines.stream(1)], &more);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let messages = Messages::of_port(output);
+    let is_aged = |value: &serde_json::Value| {
+        value["station_age_s"].as_f64().is_some_and(|age_s| (1.3..3.0).contains(&age_s))
+    };
+    wait_for("rows with a late station", || (messages.like(0, is_aged) > 20).then_some(()));
+    assert!(get(page, "/metrics").1.contains("\nkurs_station_age_seconds "));
+    let (mut by_phase, mut count) = (0, 0);
+    for value in messages.0.lock().unwrap().iter().filter(|value| is_aged(value)) {
+        let number = |name: &str| value[name].as_f64().unwrap();
+        count += 1;
+        if number("sd_north_m") < 0.05 {
+            by_phase += 1;
+            // 1e-6 degrees are a decimetre.
+            assert!((number("latitude_deg") - 52.0).abs() < 1e-6, "{value}");
+            assert!((number("longitude_deg") - 13.0).abs() < 1e-6, "{value}");
+            assert!((number("height_m") - 100.0).abs() < 0.1, "{value}");
+        }
+    }
+    assert!(2 * by_phase > count, "{by_phase} of {count}");
+
+    lines.set(&[(2, Fault::Silent)]);
+    let alone = |value: &serde_json::Value| {
+        value["status"] == "fixed" && value.get("station_age_s").is_none()
+    };
+    let from = messages.count();
+    wait_for("rows without station", || (messages.like(from, alone) > 10).then_some(()));
+    assert!(!get(page, "/metrics").1.contains("\nkurs_station_age_seconds "));
+    assert!(get(page, "/healthz").1.contains("station is connected, but no epoch came"));
+    messages.check(40.0);
+    drop(service);
+}
+
+/// The disk takes no more than forty kilobytes of any file for a while: messages leave all the same, and
+/// when there is room again the files go on with whole rows.
+#[test]
+fn a_full_disk_costs_rows_of_the_files_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "5");
+    let [first, second] = receivers.streams();
+    let output = free_port();
+    let more = format!(
+        "[log]\ndir = \"raw\"\n[[output]]\nto = \"tcp-listen://:{output}\"\nprofile = \"jsonl\"\n"
+    );
+    let file = folder.path().join("live.toml");
+    fs::write(&file, configuration([&first, &second], &more)).unwrap();
+    let out = folder.path().join("live");
+    // A limit of 80 blocks of 512 bytes, of which no signal is made.
+    let limited = "trap '' XFSZ; ulimit -S -f 80; exec \"$0\" live \"$1\" --quiet --out \"$2\"";
+    let mut command = Command::new("sh");
+    command.args(["-c", limited, env!("CARGO_BIN_EXE_kurs")]).arg(&file).arg(&out);
+    let said = fs::File::create(folder.path().join("said.txt")).unwrap();
+    let service = Service { child: command.stderr(said).spawn().unwrap(), out };
+    let messages = Messages::of_port(output);
+    wait_for("a full disk", || {
+        let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
+        (said.contains("a row cannot be written") && said.contains("the raw log pauses"))
+            .then_some(())
+    });
+    let from = messages.count();
+    wait_for("messages", || (messages.count() > from + 25).then_some(()));
+    let id = service.child.id().to_string();
+    let rows = statuses(&service.out).len();
+    match Command::new("prlimit").args(["--pid", &id, "--fsize=unlimited"]).status() {
+        Ok(status) => assert!(status.success()),
+        Err(error) => return println!("skipped: prlimit: {error}"),
+    }
+    wait_for("rows in the file", || (statuses(&service.out).len() > rows + 10).then_some(()));
+    messages.check(40.0);
+    let all = statuses(&service.out);
+    assert!(all.windows(2).all(|pair| pair[0].0 < pair[1].0), "whole rows in their order");
+    drop(service);
+}
+
+/// First it says nothing, then nonsense, then that it is busy; in the end there is a stream.
+#[test]
+fn a_caster_that_stalls_is_asked_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        let answers = ["", "\u{1}\u{2}\r\n\r\n", "HTTP/1.1 503 Busy\r\n\r\n", "ICY 200 OK\r\n\r\n"];
+        let mut stalled = Vec::new();
+        for answer in answers {
+            let (mut stream, _) = listener.accept().unwrap();
+            let _ = stream.write_all(answer.as_bytes());
+            if answer.starts_with("ICY") {
+                let _ = stream.write_all(&log(0, "ubx"));
+            }
+            if answer.is_empty() {
+                stalled.push(stream);
+            }
+        }
+    });
+    let streams = [
+        format!("stream = \"ntrip://127.0.0.1:{port}/M\""),
+        format!("stream = \"tcp://127.0.0.1:{}\"", serve(log(1, "ubx"), 0)),
+    ];
+    let live = "[live]\ndeadline_ms = 60000\n";
+    let service = Service::start(
+        folder.path(),
+        &configuration([&streams[0], &streams[1]], live),
+        &["--once"],
+    );
+    let (status, out) = service.end(Duration::from_secs(60));
+    assert_eq!(status, Some(0));
+    assert!(rows(&out)[0].contains(",fixed,"));
+}
+
+/// Beyond the loopback the page is for those who have the token.
+#[test]
+fn a_page_for_others_wants_a_token() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("token"), "0123456789abcdef\n").unwrap();
+    let page = free_port();
+    let live = format!("[live]\npage = \"0.0.0.0:{page}\"\ntoken_file = \"token\"\n");
+    let stream = "stream = \"tcp://127.0.0.1:1\"";
+    let service =
+        Service::start(folder.path(), &configuration([stream, stream], &live), &["--quiet"]);
+    let ask = |header: &str| {
+        let mut stream = wait_for("the page", || TcpStream::connect(("127.0.0.1", page)).ok());
+        write!(stream, "GET /metrics HTTP/1.1\r\nHost: kurs\r\nConnection: close\r\n{header}\r\n")
+            .unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text.split(' ').nth(1).unwrap().to_owned()
+    };
+    assert_eq!(ask(""), "401");
+    assert_eq!(ask("Authorization: Bearer 0123456789abcdeF\r\n"), "401");
+    assert_eq!(ask("Authorization: Bearer 0123456789abcdef0\r\n"), "401");
+    assert_eq!(ask("Authorization: Bearer 0123456789abcdef\r\n"), "200");
+    drop(service);
+}
+
 /// SIGHUP with another stream for one antenna: the connection of the other one stays.
 #[test]
 fn a_reload_changes_only_what_has_changed() {
@@ -677,7 +1227,7 @@ fn foreign_programs_feed_it_and_read_it() {
         format!("stream = \"ntrip://127.0.0.1:{caster}/BOW\""),
         format!("stream = \"serial://{}?baud=460800\"", line.display()),
     ];
-    let more = format!("[[output]]\nto = \"tcp-listen://:{port}\"\nprofile = \"marine\"\n");
+    let more = format!("[[output]]\nto = \"tcp-listen://:{port}\"\nprofile = \"gpsd\"\n");
     let text = configuration([&streams[0], &streams[1]], &more);
     let service = Service::start(folder.path(), &text, &["--quiet"]);
     let out = service.out.clone();
@@ -690,12 +1240,49 @@ fn foreign_programs_feed_it_and_read_it() {
     client.write_all(b"?WATCH={\"enable\":true,\"json\":true};\n").unwrap();
     client.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
     let mut lines = BufReader::new(client).lines().map_while(Result::ok);
-    let attitude = lines.find_map(|line| {
-        let value: serde_json::Value = serde_json::from_str(&line).ok()?;
-        (value["class"] == "ATT").then(|| value["heading"].as_f64())?
-    });
-    let heading_deg = attitude.expect("gpsd gives an attitude");
-    assert!((heading_deg - 40.0).abs() < 2.0, "{heading_deg}");
+    // Of the two antennas the roll is unknown.
+    let mut report = |class: &str, name: &str| {
+        let found = lines.find_map(|line| {
+            let value: serde_json::Value = serde_json::from_str(&line).unwrap();
+            (value["class"] == class && value["roll"].is_null()).then(|| value[name].as_f64())?
+        });
+        found.unwrap_or_else(|| panic!("gpsd gives no {name} in {class}"))
+    };
+    for (class, name, wanted, limit) in [
+        ("ATT", "heading", 40.0, 2.0),
+        ("ATT", "pitch", 3.0, 3.0),
+        ("TPV", "lat", 52.0, 1e-3),
+        ("TPV", "altHAE", 100.0, 30.0),
+    ] {
+        let found = report(class, name);
+        assert!((found - wanted).abs() < limit, "{class} {name}: {found}");
+    }
+}
+
+/// The casters of pygnssutils (PyPI), one for each antenna, with a password.
+#[test]
+fn casters_of_pygnssutils_feed_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "rtcm3", 0.2, "1");
+    let casters = [free_port(), free_port()];
+    let mut partners = Vec::new();
+    for (port, caster) in (receivers.port..).zip(casters) {
+        let (from, to) = (format!("127.0.0.1:{port}"), caster.to_string());
+        let flags =
+            ["-N", "1", "-H", "127.0.0.1", "--ntripuser", "me", "--ntrippassword", "secret"];
+        let arguments = [&["-S", &from, "-O", &to], &flags[..]].concat();
+        let Some(partner) = Partner::start("gnssserver", &arguments) else { return };
+        partners.push(partner);
+        wait_for("the caster", || TcpStream::connect(("127.0.0.1", caster)).ok());
+    }
+    let streams =
+        casters.map(|port| format!("stream = \"ntrip://me:secret@127.0.0.1:{port}/pygnssutils\""));
+    // The ephemerides were sent before anybody listened.
+    let files = format!("as_received = true\nfiles = [\"{}\"]", logs().join("nav.rnx").display());
+    let text = configuration([&streams[0], &streams[1]], "").replace("as_received = true", &files);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let fixed = |out: &Path| statuses(out).iter().filter(|(_, s)| s == "fixed").count();
+    wait_for("fixed rows", || (fixed(&service.out) > 10).then_some(()));
 }
 
 /// The demonstration as a user would see it: a line of text names the port, which has a heading.

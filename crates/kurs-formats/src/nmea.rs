@@ -20,8 +20,12 @@ const KMH_PER_MPS: f64 = 3.6;
 /// Which sentences an epoch has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Profile {
-    /// For plotters, autopilots and gpsd: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
+    /// For plotters and autopilots: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
     Marine,
+    /// For gpsd: GGA, RMC, VTG, ZDA and, with a heading, PTNTHTM, which alone brings heading, pitch and
+    /// roll into one of its reports. (gpsd 3.22 mixes HDT with the GST before it into an attitude that
+    /// is not even JSON.)
+    Gpsd,
     /// The same and PASHR, the only one with the standard deviations of the angles. (On a port of gpsd
     /// it stops the positions.)
     Survey,
@@ -62,6 +66,9 @@ pub fn encode(profile: Profile, row: &EpochSolution, rates: AngleRates, text: &m
     let epoch = Epoch::new(row, rates);
     for body in [epoch.gga(), epoch.rmc(), epoch.vtg(), epoch.zda()] {
         push(text, &body);
+    }
+    if profile == Profile::Gpsd {
+        return epoch.ptnthtm().iter().for_each(|body| push(text, body));
     }
     let survey = (profile == Profile::Survey).then(|| epoch.pashr());
     let optional = [epoch.gst(), Some(epoch.hdt()), Some(epoch.rot()), epoch.xdr(), survey];
@@ -171,6 +178,15 @@ impl<'a> Epoch<'a> {
             .filter_map(|(k, name)| Some(format!(",A,{:.3},D,{name}", self.degrees(*k)? + 0.0)));
         let fields: String = fields.collect();
         (!fields.is_empty()).then(|| format!("GNXDR{fields}"))
+    }
+
+    /// Heading, pitch and roll, each with N for normal, as far as they are known.
+    fn ptnthtm(&self) -> Option<String> {
+        let heading = angle(Some(self.degrees(0)?), 3, 360.0);
+        let tilt = |k: usize| {
+            self.degrees(k).map_or_else(|| ",".to_owned(), |v| format!("{:.3},N", v + 0.0))
+        };
+        Some(format!("PTNTHTM,{heading},N,{},{},,", tilt(1), tilt(2)))
     }
 
     /// Heading, roll, pitch and their standard deviations.
@@ -365,6 +381,8 @@ mod tests {
             "$PASHR,000000.00,,T,,,,,,,0,0",
         ];
         assert_eq!(found, expected);
+        let found = sentences(&mut Encoder::new(Profile::Gpsd), &lost);
+        assert_eq!(found, expected[..4]);
         // A float row has a position, and a heading that does not leave.
         let float = EpochSolution { status: Status::Float, ..row(before_midnight(), 20.0) };
         let found = sentences(&mut Encoder::new(Profile::Marine), &float);
@@ -386,6 +404,18 @@ mod tests {
             let pashr = "$PASHR,000000.00,0.000,T,+1.003,-2.000,,0.057,0.057,0.057,";
             assert!(found[8].starts_with(pashr), "{}", found[8]);
         }
+    }
+
+    /// Of two antennas one tilt is unknown.
+    #[test]
+    fn one_sentence_has_the_attitude_for_gpsd() {
+        let mut row = row(before_midnight(), 359.9996);
+        let found = sentences(&mut Encoder::new(Profile::Gpsd), &row);
+        assert_eq!(found[4..], ["$PTNTHTM,0.000,N,-2.000,N,1.003,N,,"]);
+        let attitude = row.attitude.as_mut().unwrap();
+        attitude.roll_rad = None;
+        let found = sentences(&mut Encoder::new(Profile::Gpsd), &row);
+        assert_eq!(found[4..], ["$PTNTHTM,0.000,N,-2.000,N,,,,"]);
     }
 
     /// NMEA 0183: the checksum of this sentence is 03.

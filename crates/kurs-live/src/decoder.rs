@@ -141,7 +141,7 @@ pub(crate) fn decode(
         }
         let paced = decoding.pace.is_some();
         let arrival = if paced { Arrival::now() } else { arrivals.of_epoch(reader.begun_at()) };
-        decoding.status.note_epoch(epoch.time);
+        decoding.status.note_epoch(&epoch);
         decoding.permits.acquire();
         let news = reader.take_news();
         if !give(Decoded { epoch, news, arrival }) {

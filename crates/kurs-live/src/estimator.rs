@@ -27,6 +27,8 @@ use crate::status::{Status, StreamStatus};
 const EXPIRES: Duration = Duration::from_millis(300);
 /// The thread wakes up at least so often, to tell that it lives.
 const HEARTBEAT: Duration = Duration::from_millis(500);
+/// Tags of receivers with one clock are equal to better than this, ns.
+const ONE_CLOCK_NS: u64 = 1000;
 /// What was received is kept on disk so often.
 const SAVE_INTERVAL: Duration = Duration::from_secs(60);
 
@@ -36,9 +38,13 @@ pub(crate) struct Estimator {
     pub(crate) turn_rate: TurnRate,
     pub(crate) finish: Finish,
     pub(crate) matcher: Matcher,
+    /// Complete, but for the station's epoch.
+    pub(crate) complete: VecDeque<ArrayEpoch>,
     pub(crate) received: AsReceived,
     pub(crate) antennas: Vec<Antenna>,
     pub(crate) station: StationEpochs,
+    /// All antennas have one clock.
+    pub(crate) common_clock: bool,
     /// Everything received, for a new engine and for the next start.
     pub(crate) navigation: NavigationData,
     pub(crate) status: Arc<Status>,
@@ -68,6 +74,11 @@ pub(crate) struct Antenna {
 pub(crate) struct StationEpochs {
     permits: Arc<Permits>,
     waiting: VecDeque<AntennaEpoch>,
+    /// An older epoch serves until it is this old, s.
+    max_age_s: f64,
+    /// Rows wait for it: all logs are read as fast as possible.
+    is_awaited: bool,
+    has_left: bool,
 }
 
 impl Estimator {
@@ -80,7 +91,8 @@ impl Estimator {
             match events.recv_timeout(wait) {
                 Ok(Event::Epoch { antenna: STATION, decoded }) => self.take_station(*decoded),
                 Ok(Event::Epoch { antenna, decoded }) => self.take(antenna, *decoded),
-                Ok(Event::Left { antenna: STATION }) | Err(RecvTimeoutError::Timeout) => {}
+                Ok(Event::Left { antenna: STATION }) => self.station.has_left = true,
+                Err(RecvTimeoutError::Timeout) => {}
                 Ok(Event::Left { antenna }) => self.matcher.leave(antenna),
                 Ok(Event::InputEnded) => {
                     self.inputs -= 1;
@@ -92,12 +104,21 @@ impl Estimator {
                 Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => break,
             }
             while let Some(epoch) = self.matcher.poll(self.now_s()) {
+                self.complete.push_back(epoch);
+            }
+            let window_s = self.matcher.window_s();
+            while let Some(epoch) =
+                self.complete.pop_front_if(|epoch| self.station.is_ready(epoch.time, window_s))
+            {
                 self.solve(epoch);
             }
             self.return_permits();
             self.save(SAVE_INTERVAL);
         }
         while let Some(epoch) = self.matcher.flush(self.now_s()) {
+            self.complete.push_back(epoch);
+        }
+        while let Some(epoch) = self.complete.pop_front() {
             self.solve(epoch);
         }
         self.save(Duration::ZERO);
@@ -113,34 +134,43 @@ impl Estimator {
         let of = &mut self.antennas[antenna];
         of.out += 1;
         of.arrivals.push_back((epoch.time, arrival));
-        if let Some(complete) = self.matcher.push(antenna, epoch, self.now_s()) {
-            self.solve(complete);
-        }
+        let complete = self.matcher.push(antenna, epoch, self.now_s());
+        self.complete.extend(complete);
     }
 
     fn take_station(&mut self, decoded: Decoded) {
-        /// A station that is ahead of all antennas must not gather.
-        const MAX_WAITING: usize = 64;
         let number = self.antennas.len();
         self.received.hold(number, decoded.epoch.time, decoded.news);
-        let waiting = &mut self.station.waiting;
-        if waiting.len() == MAX_WAITING {
-            waiting.pop_front();
-        }
-        waiting.push_back(decoded.epoch);
-        self.station.permits.release(1);
+        self.station.take(decoded.epoch);
     }
 
     fn solve(&mut self, mut epoch: ArrayEpoch) {
         epoch.station = self.station.at(epoch.time, self.matcher.window_s());
+        let station_age_s = epoch.station.as_ref().map(|station| epoch.time - station.time);
+        self.status.note_station(station_age_s);
+        self.check_clocks(&epoch);
         for news in self.received.release(&epoch) {
             self.engine.insert(&news);
             self.navigation.update(&news);
         }
         let mut row = self.engine.push(&epoch, None);
         (self.finish)(&epoch, &mut row);
-        let times = self.times(&epoch);
+        let times = Times { station_age_s, ..self.times(&epoch) };
         self.send(row, times);
+    }
+
+    /// Reports tags that one clock cannot have given.
+    fn check_clocks(&self, epoch: &ArrayEpoch) {
+        let tags_ns = epoch.antennas.iter().flatten().map(|antenna| antenna.time.as_nanoseconds());
+        let (first_ns, last_ns) = (tags_ns.clone().min(), tags_ns.max());
+        let spread_ns = first_ns.zip(last_ns).map_or(0, |(first, last)| last.abs_diff(first));
+        if self.common_clock && spread_ns > ONE_CLOCK_NS {
+            let count = self.status.clocks_apart.fetch_add(1, Relaxed);
+            if count == 0 {
+                let apart_us = spread_ns as f64 * 1e-3;
+                tracing::warn!(%epoch.time, apart_us, "tags differ though the antennas have one clock");
+            }
+        }
     }
 
     /// When the bytes of the epoch came.
@@ -167,6 +197,7 @@ impl Estimator {
                 .unwrap_or(now.last_byte_utc),
             row_out: Instant::now(),
             row_out_utc: SystemTime::now(),
+            station_age_s: None,
         }
     }
 
@@ -203,7 +234,8 @@ impl Estimator {
     /// Decoders may go on as far as their epochs are done with.
     fn return_permits(&mut self) {
         for (number, antenna) in self.antennas.iter_mut().enumerate() {
-            let waiting = self.matcher.waiting(number);
+            let of_complete = self.complete.iter().filter(|e| e.antennas[number].is_some()).count();
+            let waiting = self.matcher.waiting(number) + of_complete;
             antenna.permits.release(antenna.out - waiting);
             antenna.out = waiting;
             antenna.status.late.store(self.matcher.late(number), Relaxed);
@@ -236,13 +268,67 @@ impl Estimator {
 
 impl StationEpochs {
     /// None yet.
-    pub(crate) fn new(permits: Arc<Permits>) -> Self {
-        Self { permits, waiting: VecDeque::new() }
+    pub(crate) fn new(permits: Arc<Permits>, max_age_s: f64, is_awaited: bool) -> Self {
+        let waiting = VecDeque::new();
+        Self { permits, waiting, max_age_s, is_awaited, has_left: false }
     }
 
-    /// The station's epoch of the same time; older ones are forgotten.
+    fn take(&mut self, epoch: AntennaEpoch) {
+        /// A station that is ahead of all antennas must not gather.
+        const MAX_WAITING: usize = 64;
+        self.has_left = false;
+        self.waiting.push_back(epoch);
+        if !self.is_awaited {
+            self.permits.release(1);
+            if self.waiting.len() > MAX_WAITING {
+                self.waiting.pop_front();
+            }
+        }
+    }
+
+    /// Whether a row of this time need not wait.
+    fn is_ready(&self, time: GpsTime, window_s: f64) -> bool {
+        let is_there = self.waiting.back().is_some_and(|newest| newest.time - time > -window_s);
+        !self.is_awaited || self.has_left || is_there
+    }
+
+    /// The station's epoch of this time, or the newest before; still older ones are forgotten.
     fn at(&mut self, time: GpsTime, window_s: f64) -> Option<AntennaEpoch> {
-        while self.waiting.pop_front_if(|epoch| epoch.time - time <= -window_s).is_some() {}
-        self.waiting.pop_front_if(|epoch| epoch.time - time < window_s)
+        while self.waiting.get(1).is_some_and(|next| next.time - time < window_s) {
+            self.waiting.pop_front();
+            if self.is_awaited {
+                self.permits.release(1);
+            }
+        }
+        let serves = |epoch: &&AntennaEpoch| {
+            let age_s = time - epoch.time;
+            age_s > -window_s && (age_s < window_s || age_s <= self.max_age_s)
+        };
+        self.waiting.front().filter(serves).cloned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_station_serves_until_it_is_too_old() {
+        let at = |second: f64| GpsTime::default() + (1e9 + second);
+        let mut station = StationEpochs::new(Arc::default(), 2.5, false);
+        let mut age_s = |new: Option<f64>, row: f64| {
+            let new =
+                new.map(|second| AntennaEpoch { time: at(second), ..AntennaEpoch::default() });
+            station.waiting.extend(new);
+            station.at(at(row), 0.025).map(|epoch| at(row) - epoch.time)
+        };
+        assert_eq!(age_s(None, 0.0), None);
+        assert_eq!(age_s(Some(5.0), 4.95), None, "of the future");
+        assert_eq!(age_s(None, 5.0), Some(0.0));
+        assert_eq!(age_s(None, 5.5), Some(0.5));
+        assert_eq!(age_s(Some(6.0), 7.5), Some(1.5));
+        assert_eq!(age_s(None, 8.5), Some(2.5));
+        assert_eq!(age_s(None, 8.55), None, "too old");
+        assert_eq!(age_s(Some(7.0), 8.55), Some(1.55));
     }
 }

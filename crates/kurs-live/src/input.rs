@@ -148,7 +148,10 @@ impl Running {
     }
 
     async fn connect_again_and_again(&mut self) {
-        let mut back_off = BackOff::default();
+        let mut back_off = match self.input.address {
+            Address::Ntrip(_) => BackOff::of_caster(),
+            _ => BackOff::of_own(),
+        };
         let is_file = matches!(self.input.address, Address::File { .. });
         loop {
             let began = Instant::now();
@@ -181,7 +184,7 @@ impl Running {
     /// Serves one connection after the other; a new one takes the place of the old, whose peer may be
     /// gone without a word.
     async fn listen(&mut self, at: &str) {
-        let mut back_off = BackOff::default();
+        let mut back_off = BackOff::of_own();
         loop {
             let listener = match TcpListener::bind(at).await {
                 Ok(listener) => listener,
@@ -324,8 +327,7 @@ impl Running {
             if let Some(recorder) = &mut self.recorder
                 && let Err(error) = recorder.write(&chunk)
             {
-                self.note(&format!("the raw log cannot be written and is given up: {error}"));
-                self.recorder = None;
+                self.note(&format!("the raw log pauses: {error}"));
             }
             let mut taken = false;
             for decoder in chunks {

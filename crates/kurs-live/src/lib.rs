@@ -32,6 +32,7 @@ mod systemd;
 
 pub use address::{Address, BadAddress, Ntrip};
 pub use input::{Input, STATION};
+pub use ntrip::body_of_answer;
 pub use output::{Encode, Output};
 pub use record::gps_time;
 pub use service::{Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run};

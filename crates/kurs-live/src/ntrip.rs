@@ -61,9 +61,8 @@ pub(crate) async fn connect(
     let mut stream = BufReader::new(stream);
     stream.write_all(request(caster, version, gga).as_bytes()).await?;
     stream.flush().await?;
-    let answer = timeout(ANSWER_TIMEOUT, answer(&mut stream)).await.map_err(io::Error::from)??;
-    let is_chunked = judge(&answer, caster)?;
-    let mut stream = NtripStream { stream, chunk: is_chunked.then_some(0) };
+    let begun = timeout(ANSWER_TIMEOUT, NtripStream::begin(stream, caster)).await;
+    let mut stream = begun.map_err(io::Error::from)??;
     if let Some(gga) = gga {
         stream.send(gga.as_bytes()).await?;
     }
@@ -153,7 +152,40 @@ fn judge(answer: &[String], caster: &Ntrip) -> Result<bool, NtripError> {
     }
 }
 
+/// What the client makes of all that a caster sends: the bytes of the stream.
+///
+/// # Errors
+///
+/// Why there is no stream, in words.
+pub fn body_of_answer(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let user = Some(("name".to_owned(), "password".to_owned()));
+    let caster = Ntrip { host: "caster".into(), port: 2101, user, mount: "M".into(), tls: false };
+    let sent: Box<dyn Duplex> =
+        Box::new(tokio::io::join(io::Cursor::new(bytes.to_owned()), tokio::io::sink()));
+    let runtime = tokio::runtime::Builder::new_current_thread().build();
+    runtime.map_err(|error| error.to_string())?.block_on(async {
+        let begun = NtripStream::begin(BufReader::new(sent), &caster).await;
+        let mut stream = begun.map_err(|error| error.to_string())?;
+        let (mut body, mut buffer) = (Vec::new(), [0; 1000]);
+        // What comes before an error has been passed on.
+        while let Ok(count @ 1..) = stream.read(&mut buffer).await {
+            body.extend_from_slice(&buffer[..count]);
+        }
+        Ok(body)
+    })
+}
+
 impl NtripStream {
+    /// Reads what comes before the stream.
+    async fn begin(
+        mut stream: BufReader<Box<dyn Duplex>>,
+        caster: &Ntrip,
+    ) -> Result<Self, NtripError> {
+        let answer = answer(&mut stream).await?;
+        let is_chunked = judge(&answer, caster)?;
+        Ok(Self { stream, chunk: is_chunked.then_some(0) })
+    }
+
     /// The next bytes of the stream; 0 at its end.
     pub(crate) async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let Some(left) = self.chunk else { return self.stream.read(buffer).await };
@@ -266,5 +298,58 @@ mod tests {
         }
         assert!(judged(&["HTTP/1.1 503 Busy"]).starts_with("again"));
         assert!(judged(&["\u{fffd}nonsense"]).starts_with("again"));
+    }
+
+    #[test]
+    fn whatever_a_caster_sends_is_read_to_its_end() {
+        let body = |text: &str| body_of_answer(text.as_bytes());
+        assert_eq!(body("ICY 200 OK\r\nstream").unwrap(), b"stream");
+        assert_eq!(body("HTTP/1.0 200 OK\n\nstream").unwrap(), b"stream");
+        let chunked = "HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n";
+        assert_eq!(
+            body(&format!("{chunked}3\r\nstr\r\n3;x\r\neam\r\n0\r\n\r\n")).unwrap(),
+            b"stream"
+        );
+        // Cut off, without a size, with one that is larger than all that comes.
+        assert_eq!(body(&format!("{chunked}6\r\nstre")).unwrap(), b"stre");
+        assert_eq!(body(&format!("{chunked}3\r\nstr\r\nnone\r\neam")).unwrap(), b"str");
+        assert_eq!(body(&format!("{chunked}FFFFFFFFFFFFFFFF\r\nstr")).unwrap(), b"str");
+        assert_eq!(body(&format!("{chunked}1FFFFFFFFFFFFFFFF\r\nstr")).unwrap(), b"");
+        assert!(body("").unwrap_err().contains("without an answer"));
+        assert!(body(&"x".repeat(100_000)).unwrap_err().contains("the caster answers"));
+        let endless = format!("HTTP/1.1 200 OK\r\n{}", "A: b\r\n".repeat(100_000));
+        assert!(body(&endless).is_ok(), "no more than the first lines are kept");
+    }
+
+    /// Bytes of an answer changed, left out and doubled at random: something is made of all of them.
+    #[test]
+    fn mutated_answers_are_answers() {
+        let answer = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nstr\r\n3;x\r\neam\r\n0\r\n\r\n";
+        // Knuth's multiplier: any sequence will do.
+        let mut state = 1u64;
+        let mut below = |limit: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (state >> 33) as usize % limit
+        };
+        let mut streams = 0;
+        for _ in 0..3000 {
+            let mut bytes = answer.to_vec();
+            for _ in 0..=below(4) {
+                let at = below(bytes.len());
+                match below(3) {
+                    0 => bytes[at] = u8::try_from(below(256)).unwrap(),
+                    1 => bytes.truncate(at + 1),
+                    _ => bytes.extend_from_within(at..),
+                }
+            }
+            match body_of_answer(&bytes) {
+                Ok(body) => {
+                    streams += 1;
+                    assert!(body.len() <= bytes.len());
+                }
+                Err(what) => assert!(!what.is_empty()),
+            }
+        }
+        assert!(streams > 1000, "{streams}");
     }
 }

@@ -118,7 +118,7 @@ async fn connect(to: &str) -> std::io::Result<TcpStream> {
 }
 
 async fn serve(at: &str, sender: broadcast::Sender<Message>, status: Arc<Status>) {
-    let mut back_off = BackOff::default();
+    let mut back_off = BackOff::of_own();
     loop {
         match listen(at).await {
             Ok(listener) => loop {
@@ -202,7 +202,7 @@ async fn send_for_ever<S: AsyncWrite + Unpin, F: Future<Output = std::io::Result
     status: &Status,
     connect: impl Fn() -> F,
 ) {
-    let mut back_off = BackOff::default();
+    let mut back_off = BackOff::of_own();
     loop {
         match connect().await {
             Ok(stream) => {

@@ -5,12 +5,15 @@
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use kurs::time::{Calendar, GpsTime};
 
 use crate::connection::marks_of;
 use crate::decoder::Chunk;
+
+/// A disk that takes nothing is tried again after this time.
+const PAUSE: Duration = Duration::from_secs(10);
 
 /// A log in the making.
 #[derive(Debug)]
@@ -18,6 +21,7 @@ pub(crate) struct Recorder {
     directory: PathBuf,
     stem: String,
     open: Option<Open>,
+    paused_until: Option<Instant>,
 }
 
 #[derive(Debug)]
@@ -36,11 +40,24 @@ impl Recorder {
             directory: directory.to_owned(),
             stem: name.chars().map(plain).collect(),
             open: None,
+            paused_until: None,
         }
     }
 
-    /// Writes a piece.
+    /// Writes a piece; after an error nothing for a while, and then to new files.
     pub(crate) fn write(&mut self, chunk: &Chunk) -> io::Result<()> {
+        if self.paused_until.is_some_and(|until| Instant::now() < until) {
+            return Ok(());
+        }
+        let written = self.try_write(chunk);
+        self.paused_until = written.is_err().then(|| Instant::now() + PAUSE);
+        if written.is_err() {
+            self.open = None;
+        }
+        written
+    }
+
+    fn try_write(&mut self, chunk: &Chunk) -> io::Result<()> {
         const DAY_S: u64 = 86_400;
         let since = chunk.utc.duration_since(UNIX_EPOCH).unwrap_or_default();
         let day = since.as_secs() / DAY_S;

@@ -48,6 +48,8 @@ pub struct Times {
     pub row_out: Instant,
     /// The same by the system's clock.
     pub row_out_utc: SystemTime,
+    /// How much older than the row the station's epoch in it is, s.
+    pub station_age_s: Option<f64>,
 }
 
 /// Makes an engine that knows these navigation data; the error is for the log.
@@ -73,6 +75,10 @@ pub struct Setup {
     pub finish: Finish,
     /// When a row goes without late antennas.
     pub deadline: Deadline,
+    /// Until which age, s, a station's epoch serves.
+    pub station_max_age_s: f64,
+    /// All antennas have one clock: their tags are watched.
+    pub common_clock: bool,
     /// Time that is known before anything came.
     pub known_time: Option<GpsTime>,
     /// Rows to files.
@@ -85,6 +91,8 @@ pub struct Setup {
     pub first_gga: Option<String>,
     /// `/healthz` and `/metrics`.
     pub page: Option<SocketAddr>,
+    /// What those who ask for them have to show.
+    pub token: Option<String>,
     /// Where a restart finds what this run knew.
     pub state_dir: Option<PathBuf>,
     /// Where the bytes of the streams go.
@@ -211,7 +219,9 @@ async fn serve(
 
     let status = Arc::new(Status::new());
     if let Some(at) = setup.page {
-        let bound = http::serve(at, Arc::clone(&status)).await.map_err(io(format!("page {at}")))?;
+        let bound = http::serve(at, Arc::clone(&status), setup.token)
+            .await
+            .map_err(io(format!("page {at}")))?;
         tracing::info!("metrics at http://{bound}/metrics");
     }
     let (events, received) = mpsc::channel();
@@ -243,8 +253,13 @@ async fn serve(
         station_status: stream_status(STATION),
         shared,
     };
-    *status.streams.lock().unwrap_or_else(PoisonError::into_inner) = inputs.statuses.clone();
+    let has_station = setup.inputs.iter().any(|i| i.antennas.iter().any(|(n, ..)| *n == STATION));
+    let station = has_station.then(|| Arc::clone(&inputs.station_status));
+    *status.streams.lock().unwrap_or_else(PoisonError::into_inner) =
+        inputs.statuses.iter().cloned().chain(station).collect();
 
+    let is_unpaced = is_unpaced(&setup.inputs);
+    let all_unpaced = setup.inputs.iter().all(|input| input.address.is_unpaced_file());
     let (rows, written) = mpsc::sync_channel(MAX_ROWS);
     let writer = start_writer(setup.write_row, written)?;
     let heartbeat = Arc::new(AtomicU64::new(0));
@@ -252,10 +267,20 @@ async fn serve(
         turn_rate: TurnRate::default(),
         engine: (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?,
         finish: setup.finish,
-        matcher: matcher(&setup.inputs, setup.antennas, setup.deadline),
+        // Logs that are read as fast as possible wait for each other; everything else has a deadline.
+        matcher: match is_unpaced {
+            true => Matcher::new(setup.antennas),
+            false => Matcher::new(setup.antennas).with_deadline(setup.deadline),
+        },
+        complete: VecDeque::new(),
         received: AsReceived::new(setup.antennas),
         antennas: antennas(&inputs),
-        station: StationEpochs::new(Arc::clone(&inputs.station_permits)),
+        station: StationEpochs::new(
+            Arc::clone(&inputs.station_permits),
+            setup.station_max_age_s,
+            has_station && all_unpaced,
+        ),
+        common_clock: setup.common_clock,
         navigation: setup.navigation,
         status: Arc::clone(&status),
         sinks: setup.outputs.into_iter().map(|o| output::start(o, Arc::clone(&status))).collect(),
@@ -303,14 +328,10 @@ async fn serve(
     Ok(())
 }
 
-/// Logs that are read as fast as possible wait for each other; everything else has a deadline.
-fn matcher(inputs: &[Input], antennas: usize, deadline: Deadline) -> Matcher {
-    let of_antennas = inputs.iter().filter(|i| i.antennas.iter().any(|(n, ..)| *n != STATION));
-    let mut addresses = of_antennas.map(|input| &input.address);
-    match addresses.all(Address::is_unpaced_file) {
-        true => Matcher::new(antennas),
-        false => Matcher::new(antennas).with_deadline(deadline),
-    }
+/// Whether all streams of antennas are logs that are read as fast as possible.
+fn is_unpaced(inputs: &[Input]) -> bool {
+    let mut of_antennas = inputs.iter().filter(|i| i.antennas.iter().any(|(n, ..)| *n != STATION));
+    of_antennas.all(|input| input.address.is_unpaced_file())
 }
 
 fn antennas(inputs: &Inputs) -> Vec<Antenna> {

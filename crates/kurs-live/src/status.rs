@@ -1,10 +1,13 @@
 //! What the service knows of itself: counts, latencies, and whether all is well.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use kurs::observation::AntennaEpoch;
+use kurs::signal::Band;
 use kurs::solution::{EpochSolution, Status as RowStatus};
 use kurs::time::GpsTime;
 
@@ -14,8 +17,16 @@ const SILENT_INTERVALS: f64 = 3.0;
 const MIN_SILENT_S: f64 = 0.5;
 /// While its interval is not known, and before its first epoch, s.
 const UNKNOWN_SILENT_S: f64 = 5.0;
+/// Epochs are missing where the next one comes later than this many intervals.
+const GAP_INTERVALS: f64 = 1.5;
+/// Times between epochs from here on are no interval of a receiver, s.
+const MAX_INTERVAL_S: f64 = 100.0;
 /// Bits of a character on a serial line: start, eight, stop.
 const BITS_A_BYTE: f64 = 10.0;
+/// The load of a serial line is its mean over so long.
+const LOAD_WINDOW_S: f64 = 10.0;
+/// A line that carries more than this has no room for a longer epoch.
+const HIGH_LOAD: f64 = 0.9;
 
 /// Upper bounds of the latency classes, ms.
 const BOUNDS_MS: [f64; 16] = [
@@ -55,6 +66,31 @@ impl Histogram {
     }
 }
 
+/// How much of a serial line is in use.
+#[derive(Debug)]
+struct Load {
+    /// Begin of the window, s after the stream's.
+    since_s: f64,
+    /// In the window so far.
+    bytes: u64,
+    /// Of the window before.
+    share: f64,
+}
+
+impl Load {
+    /// The share of a line of so many bits a second, whenever a window is over.
+    fn add(&mut self, now_s: f64, bytes: u64, baud: u64) -> Option<f64> {
+        self.bytes += bytes;
+        let length_s = now_s - self.since_s;
+        if baud == 0 || length_s < LOAD_WINDOW_S {
+            return None;
+        }
+        let share = self.bytes as f64 * BITS_A_BYTE / (baud as f64 * length_s);
+        *self = Self { since_s: now_s, bytes: 0, share };
+        Some(share)
+    }
+}
+
 /// One antenna's stream.
 #[derive(Debug)]
 pub(crate) struct StreamStatus {
@@ -63,6 +99,7 @@ pub(crate) struct StreamStatus {
     baud: u64,
     began: Instant,
     bytes: AtomicU64,
+    load: Mutex<Load>,
     epochs: AtomicU64,
     damaged: AtomicU64,
     errors: AtomicU64,
@@ -76,6 +113,11 @@ pub(crate) struct StreamStatus {
     last_time_ns: AtomicI64,
     /// Shortest time between two epochs, ns (0: unknown).
     interval_ns: AtomicI64,
+    /// How often epochs were missing, and how long altogether, ns.
+    gaps: AtomicU64,
+    gaps_ns: AtomicU64,
+    /// Mean C/N0 of each band in the last epoch, dB-Hz.
+    cn0_dbhz: Mutex<BTreeMap<Band, f64>>,
     last_error: Mutex<String>,
 }
 
@@ -86,6 +128,7 @@ impl StreamStatus {
             baud: baud.map_or(0, u64::from),
             began: Instant::now(),
             bytes: AtomicU64::new(0),
+            load: Mutex::new(Load { since_s: 0.0, bytes: 0, share: 0.0 }),
             epochs: AtomicU64::new(0),
             damaged: AtomicU64::new(0),
             errors: AtomicU64::new(0),
@@ -97,6 +140,9 @@ impl StreamStatus {
             last_ms: AtomicI64::new(-1),
             last_time_ns: AtomicI64::new(0),
             interval_ns: AtomicI64::new(0),
+            gaps: AtomicU64::new(0),
+            gaps_ns: AtomicU64::new(0),
+            cn0_dbhz: Mutex::default(),
             last_error: Mutex::new(String::new()),
         }
     }
@@ -107,15 +153,49 @@ impl StreamStatus {
 
     pub(crate) fn note_bytes(&self, count: usize) {
         self.bytes.fetch_add(count as u64, Relaxed);
+        let now_s = self.began.elapsed().as_secs_f64();
+        let mut load = self.load.lock().unwrap_or_else(PoisonError::into_inner);
+        let was_high = load.share > HIGH_LOAD;
+        if let Some(share) = load.add(now_s, count as u64, self.baud)
+            && share > HIGH_LOAD
+            && !was_high
+        {
+            let percent = (100.0 * share).round();
+            tracing::warn!(
+                stream = self.name,
+                "{} baud carry {percent} % of what they can",
+                self.baud
+            );
+        }
     }
 
-    pub(crate) fn note_epoch(&self, time: GpsTime) {
+    pub(crate) fn note_epoch(&self, epoch: &AntennaEpoch) {
         self.epochs.fetch_add(1, Relaxed);
         self.last_ms.store(self.now_ms(), Relaxed);
-        let since = time.as_nanoseconds() - self.last_time_ns.swap(time.as_nanoseconds(), Relaxed);
-        let known = self.interval_ns.load(Relaxed);
-        if since > 0 && since < 100_000_000_000 && (known == 0 || since < known) {
-            self.interval_ns.store(since, Relaxed);
+        self.note_time(epoch.time);
+        let mut of_bands: BTreeMap<Band, (f64, u32)> = BTreeMap::new();
+        for observation in &epoch.observations {
+            let Some(cn0_dbhz) = observation.cn0_dbhz else { continue };
+            let (sum, count) = of_bands.entry(observation.signal.band).or_default();
+            (*sum, *count) = (*sum + cn0_dbhz, *count + 1);
+        }
+        let means = of_bands.into_iter().map(|(band, (sum, count))| (band, sum / f64::from(count)));
+        *self.cn0_dbhz.lock().unwrap_or_else(PoisonError::into_inner) = means.collect();
+    }
+
+    fn note_time(&self, time: GpsTime) {
+        let last_ns = self.last_time_ns.swap(time.as_nanoseconds(), Relaxed);
+        let since_ns = time.as_nanoseconds() - last_ns;
+        if last_ns == 0 || since_ns <= 0 {
+            return;
+        }
+        let known_ns = self.interval_ns.load(Relaxed);
+        if known_ns > 0 && since_ns as f64 > GAP_INTERVALS * known_ns as f64 {
+            self.gaps.fetch_add(1, Relaxed);
+            self.gaps_ns.fetch_add(since_ns.abs_diff(known_ns), Relaxed);
+        }
+        if since_ns as f64 * 1e-9 < MAX_INTERVAL_S && (known_ns == 0 || since_ns < known_ns) {
+            self.interval_ns.store(since_ns, Relaxed);
         }
     }
 
@@ -143,6 +223,11 @@ impl StreamStatus {
     /// It has ended and is not expected to come again.
     pub(crate) fn note_end(&self) {
         self.ended.store(true, Relaxed);
+    }
+
+    /// The name as a label of a metric.
+    fn label(&self) -> String {
+        self.name.replace('\\', "\\\\").replace('"', "\\\"")
     }
 
     /// Why the stream does not bring what it should, in words; `None` if it does.
@@ -186,6 +271,10 @@ pub(crate) struct Status {
     pub(crate) unwritten: AtomicU64,
     pub(crate) clients: AtomicU64,
     pub(crate) clients_dropped: AtomicU64,
+    /// Rows whose antennas have tags farther apart than one clock allows.
+    pub(crate) clocks_apart: AtomicU64,
+    /// How much older than the last row the station's epoch in it is, s: bits of a number, of none without one.
+    station_age_s: AtomicU64,
 }
 
 impl Status {
@@ -202,7 +291,13 @@ impl Status {
             unwritten: AtomicU64::new(0),
             clients: AtomicU64::new(0),
             clients_dropped: AtomicU64::new(0),
+            clocks_apart: AtomicU64::new(0),
+            station_age_s: AtomicU64::new(f64::NAN.to_bits()),
         }
+    }
+
+    pub(crate) fn note_station(&self, age_s: Option<f64>) {
+        self.station_age_s.store(age_s.unwrap_or(f64::NAN).to_bits(), Relaxed);
     }
 
     pub(crate) fn note_row(&self, row: &EpochSolution) {
@@ -252,7 +347,7 @@ impl Status {
             let count = count.load(Relaxed);
             let _ = writeln!(text, "kurs_rows_total{{status=\"{}\"}} {count}", status.word());
         }
-        let single: [(&str, &str, &str, f64); 6] = [
+        let single: [(&str, &str, &str, f64); 7] = [
             (
                 "kurs_satellites",
                 "gauge",
@@ -284,14 +379,26 @@ impl Status {
                 "Rows that the files could not take.",
                 self.unwritten.load(Relaxed) as f64,
             ),
+            (
+                "kurs_clocks_apart_total",
+                "counter",
+                "Rows whose tags differ though the antennas have one clock.",
+                self.clocks_apart.load(Relaxed) as f64,
+            ),
         ];
         for (name, kind, help, value) in single {
             head(&mut text, name, kind, help);
             let _ = writeln!(text, "{name} {value}");
         }
+        let station_age_s = f64::from_bits(self.station_age_s.load(Relaxed));
+        if station_age_s.is_finite() {
+            let name = "kurs_station_age_seconds";
+            head(&mut text, name, "gauge", "Age of the station's epoch in the last row.");
+            let _ = writeln!(text, "{name} {station_age_s:.3}");
+        }
         let streams = self.streams();
         type Value = fn(&StreamStatus) -> f64;
-        let of_streams: [(&str, &str, &str, Value); 10] = [
+        let of_streams: [(&str, &str, &str, Value); 12] = [
             ("kurs_stream_up", "gauge", "1: epochs come as they should.", |s| {
                 f64::from(u8::from(s.trouble().is_none()))
             }),
@@ -322,22 +429,32 @@ impl Status {
             ("kurs_stream_interval_seconds", "gauge", "Shortest time between two epochs.", |s| {
                 s.interval_ns.load(Relaxed) as f64 * 1e-9
             }),
+            ("kurs_stream_gaps_total", "counter", "How often epochs were missing.", |s| {
+                s.gaps.load(Relaxed) as f64
+            }),
+            ("kurs_stream_gap_seconds_total", "counter", "How long altogether.", |s| {
+                s.gaps_ns.load(Relaxed) as f64 * 1e-9
+            }),
             (
                 "kurs_stream_line_load",
                 "gauge",
-                "Share of a serial line that is in use, mean since the start.",
-                |s| {
-                    let bits = s.bytes.load(Relaxed) as f64 * BITS_A_BYTE;
-                    let carried = s.baud as f64 * s.began.elapsed().as_secs_f64();
-                    if carried > 0.0 { bits / carried } else { 0.0 }
-                },
+                "Share of a serial line that is in use, mean over ten seconds.",
+                |s| s.load.lock().unwrap_or_else(PoisonError::into_inner).share,
             ),
         ];
         for (name, kind, help, value) in of_streams {
             head(&mut text, name, kind, help);
             for stream in &streams {
-                let label = stream.name.replace('\\', "\\\\").replace('"', "\\\"");
-                let _ = writeln!(text, "{name}{{stream=\"{label}\"}} {}", value(stream));
+                let _ = writeln!(text, "{name}{{stream=\"{}\"}} {}", stream.label(), value(stream));
+            }
+        }
+        let name = "kurs_stream_cn0_dbhz";
+        head(&mut text, name, "gauge", "Mean C/N0 of a band in the last epoch.");
+        for stream in &streams {
+            let cn0_dbhz = stream.cn0_dbhz.lock().unwrap_or_else(PoisonError::into_inner);
+            for (band, mean) in cn0_dbhz.iter() {
+                let labels = format!("stream=\"{}\",band=\"{band}\"", stream.label());
+                let _ = writeln!(text, "{name}{{{labels}}} {mean:.2}");
             }
         }
         self.in_to_out.write(&mut text, "kurs_latency_seconds", "Last byte in to row out.");
@@ -373,6 +490,10 @@ mod tests {
         }
     }
 
+    fn epoch(second: f64) -> AntennaEpoch {
+        AntennaEpoch { time: GpsTime::default() + (1e9 + second), ..AntennaEpoch::default() }
+    }
+
     /// A stream with an interval of 0.1 s is silent after half a second, one without any epoch after five.
     #[test]
     fn a_silent_stream_is_named_with_what_is_known_of_it() {
@@ -390,7 +511,7 @@ mod tests {
         let mut going = stream(1);
         going.note_connection(true);
         for tenth in 0..3 {
-            going.note_epoch(GpsTime::default() + 1e9 + 0.1 * f64::from(tenth));
+            going.note_epoch(&epoch(0.1 * f64::from(tenth)));
         }
         assert_eq!(going.trouble(), None);
         assert_eq!(going.epochs(), 3);
@@ -400,12 +521,40 @@ mod tests {
         assert_eq!(going.trouble().unwrap(), "has ended");
     }
 
+    /// 2400 bytes a second are 24 000 bits of 38 400.
+    #[test]
+    fn the_load_of_a_line_is_that_of_the_last_seconds() {
+        let mut load = Load { since_s: 0.0, bytes: 0, share: 0.0 };
+        assert_eq!(load.add(5.0, 12_000, 38_400), None);
+        assert_eq!(load.add(10.0, 12_000, 38_400), Some(0.625));
+        assert_eq!(load.add(15.0, 0, 38_400), None);
+        assert_eq!(load.add(20.0, 0, 38_400), Some(0.0));
+        assert_eq!(load.add(40.0, 1000, 0), None, "no serial line");
+    }
+
     #[test]
     fn metrics_have_a_line_for_every_stream() {
         let status = Status::new();
         let stream = Arc::new(StreamStatus::new("a\"b".into(), None));
         stream.note_bytes(120);
         stream.note_damage(2);
+        let signal = |name: &str, cn0_dbhz| kurs::observation::Observation {
+            satellite: "G01".parse().unwrap(),
+            signal: name.parse().unwrap(),
+            pseudorange_m: None,
+            phase_cycles: None,
+            doppler_hz: None,
+            cn0_dbhz,
+            lock: kurs::observation::Lock::default(),
+        };
+        // Two of five epochs are missing.
+        for second in [0.0, 1.0, 4.0] {
+            let mut epoch = epoch(second);
+            epoch.observations =
+                vec![signal("G1C", Some(40.0)), signal("G1C", Some(45.0)), signal("G2L", None)];
+            stream.note_epoch(&epoch);
+        }
+        status.note_station(Some(1.25));
         status.streams.lock().unwrap().push(stream);
         let text = status.metrics();
         for line in [
@@ -413,6 +562,10 @@ mod tests {
             "kurs_stream_damaged_total{stream=\"a\\\"b\"} 2",
             "kurs_stream_line_load{stream=\"a\\\"b\"} 0",
             "kurs_rows_total{status=\"fixed\"} 0",
+            "kurs_stream_gaps_total{stream=\"a\\\"b\"} 1",
+            "kurs_stream_gap_seconds_total{stream=\"a\\\"b\"} 2",
+            "kurs_stream_cn0_dbhz{stream=\"a\\\"b\",band=\"G1\"} 42.50",
+            "kurs_station_age_seconds 1.250",
         ] {
             assert!(text.lines().any(|found| found == line), "{line}: {text}");
         }

@@ -4,6 +4,15 @@
 //! A differential correction is what the station's ranges are off at its known place; subtracting it
 //! from an antenna's ranges is the difference of the two. So both are baselines from the station,
 //! `x = x_station + b`, found by the same chain as those of the array, without known geometry.
+//!
+//! An epoch of the station that is older than the row's is carried to it by the broadcast orbits and clocks;
+//! what they do not know grows with its age.
+
+mod carried;
+
+use std::borrow::Cow;
+
+use nalgebra::Matrix3;
 
 use crate::engine::{
     Ambiguities, Constraint, Engine, Estimator, PredictedAttitude, Settings, SettingsError,
@@ -12,7 +21,18 @@ use crate::engine::{
 use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
+use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
+
+/// An epoch that is older than this, s, is carried: receivers that sample closer together are used as they are.
+const MIN_CARRIED_S: f64 = 0.010;
+/// How much the clock of a satellite may run off its broadcast rate, s/s (what RTKLIB supposes for the age of corrections:
+/// manual of version 2.4.2, "Satellite Clock Stability").
+const CLOCK_STABILITY: f64 = 5e-12;
+/// Dilution of precision of a coordinate that is not exceeded under a usual sky.
+const COORDINATE_DOP: f64 = 3.0;
+/// Until this age, s, what the clocks run off (4.5 mm) is as small as the noise of a phase, and integers may be judged.
+const MAX_PHASE_AGE_S: f64 = 3.0;
 
 /// An engine, beside a fixed station if there is one: rows then have the coordinates relative to it.
 #[derive(Debug)]
@@ -29,6 +49,8 @@ struct Station {
     code: Estimator,
     /// Station and first antenna, with integers.
     phase: Estimator,
+    /// The same from each epoch alone: an epoch that is carried to several rows has the same noise in all of them.
+    carried: Estimator,
     /// Station and antennas; keeps its buffers.
     epoch: ArrayEpoch,
 }
@@ -88,6 +110,7 @@ impl Station {
             position_m,
             code: estimator(settings.antennas + 1, Ambiguities::CodeOnly)?,
             phase: estimator(2, settings.ambiguities)?,
+            carried: estimator(2, Ambiguities::Instantaneous)?,
             epoch: ArrayEpoch::default(),
         })
     }
@@ -101,22 +124,39 @@ impl Station {
         observed: &AntennaEpoch,
         row: &mut EpochSolution,
     ) {
+        let navigation = engine.navigation();
+        let age_s = epoch.time - observed.time;
+        let is_carried = age_s > MIN_CARRIED_S;
+        let observed = match is_carried {
+            true => Cow::Owned(carried::carried(observed, epoch.time, self.position_m, navigation)),
+            false => Cow::Borrowed(observed),
+        };
         self.epoch.time = epoch.time;
         self.epoch.antennas.resize(epoch.antennas.len() + 1, None);
-        let observed =
-            core::iter::once(Some(observed)).chain(epoch.antennas.iter().map(Option::as_ref));
+        let observed = core::iter::once(Some(observed.as_ref()))
+            .chain(epoch.antennas.iter().map(Option::as_ref));
         for (buffer, antenna) in self.epoch.antennas.iter_mut().zip(observed) {
             match (buffer.as_mut(), antenna) {
                 (Some(buffer), Some(antenna)) => buffer.clone_from(antenna),
                 (_, antenna) => *buffer = antenna.cloned(),
             }
         }
-        let navigation = engine.navigation();
         let by_code = self.code.push(navigation, &self.epoch, None);
-        let by_phase = self.phase.push(navigation, &self.epoch, None);
-        row.by_code = by_code.baselines.iter().map(|baseline| self.end_of(baseline)).collect();
-        let fixed = by_phase.baselines.first().filter(|_| by_phase.status == Status::Fixed);
-        let first = fixed.map(|baseline| self.end_of(baseline));
+        let by_phase = match is_carried {
+            false => Some(self.phase.push(navigation, &self.epoch, None)),
+            true if age_s <= MAX_PHASE_AGE_S => {
+                Some(self.carried.push(navigation, &self.epoch, None))
+            }
+            true => None,
+        };
+        let grown_m = match is_carried {
+            true => COORDINATE_DOP * CLOCK_STABILITY * SPEED_OF_LIGHT_MPS * age_s,
+            false => 0.0,
+        };
+        let end_of = |baseline: &BaselineEstimate| self.end_of(baseline, grown_m);
+        row.by_code = by_code.baselines.iter().map(end_of).collect();
+        let fixed = by_phase.filter(|by_phase| by_phase.status == Status::Fixed);
+        let first = fixed.and_then(|by_phase| by_phase.baselines.first().map(end_of));
         let origin = match first {
             Some(_) => PositionOrigin::StationPhase,
             None => PositionOrigin::StationCode,
@@ -132,14 +172,15 @@ impl Station {
         }
     }
 
-    /// `x = x_station + b`.
-    fn end_of(&self, baseline: &BaselineEstimate) -> PointEstimate {
+    /// `x = x_station + b`, each coordinate less certain by what the age of the station's epoch adds, m.
+    fn end_of(&self, baseline: &BaselineEstimate, grown_m: f64) -> PointEstimate {
         let ned_from_ecef = Geodetic::from_ecef(self.position_m).ned_from_ecef();
         let ecef_from_enu = (enu_from_ned() * ned_from_ecef).inverse();
         PointEstimate {
             index: baseline.rover - 1,
             geodetic: Geodetic::from_ecef(self.position_m + ecef_from_enu * baseline.baseline_m),
-            covariance_m2: enu_from_ned().inverse().turn_covariance(&baseline.covariance_m2),
+            covariance_m2: enu_from_ned().inverse().turn_covariance(&baseline.covariance_m2)
+                + Matrix3::identity() * grown_m.powi(2),
         }
     }
 }

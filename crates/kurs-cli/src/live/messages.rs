@@ -18,16 +18,21 @@ pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
     let float = output.float;
     let body = body.to_owned();
     match output.profile {
-        Profile::Marine => Arc::new(|row, rates, _| {
-            let mut text = String::new();
-            nmea::encode(nmea::Profile::Marine, row, *rates, &mut text);
-            Some(text.into_bytes())
-        }),
+        Profile::Marine => sentences(nmea::Profile::Marine),
+        Profile::Gpsd => sentences(nmea::Profile::Gpsd),
         Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, float, TableFormat::Csv)),
         Profile::Jsonl => {
             Arc::new(move |row, rates, times| json_line(row, rates, times, float, &body))
         }
     }
+}
+
+fn sentences(profile: nmea::Profile) -> Encode {
+    Arc::new(move |row, rates, _| {
+        let mut text = String::new();
+        nmea::encode(profile, row, *rates, &mut text);
+        Some(text.into_bytes())
+    })
 }
 
 /// The position as a GGA sentence.
@@ -66,7 +71,10 @@ fn json_line(
     add("last_byte_in_utc", utc(times.last_byte_utc).into());
     add("row_out_utc", utc(times.row_out_utc).into());
     let age_s = gps_time(times.row_out_utc) - row.time;
-    add("age_s", ((age_s * 1e4).round() / 1e4).into());
+    add("age_s", rounded(age_s));
+    if let Some(station_age_s) = times.station_age_s {
+        add("station_age_s", rounded(station_age_s));
+    }
     let more = serde_json::to_string(&more).ok()?;
     // `{…}` and a line end become one object with the other.
     text.truncate(text.len().checked_sub(2)?);
@@ -74,6 +82,11 @@ fn json_line(
     text.extend_from_slice(&more.as_bytes()[1..]);
     text.push(b'\n');
     Some(text)
+}
+
+/// Tenths of milliseconds.
+fn rounded(seconds: f64) -> Value {
+    ((seconds * 1e4).round() / 1e4).into()
 }
 
 fn utc(time: SystemTime) -> String {
@@ -99,6 +112,7 @@ mod tests {
             last_byte_utc: utc + Duration::from_millis(450),
             row_out: Instant::now(),
             row_out_utc: utc + Duration::from_millis(500),
+            station_age_s: Some(1.5),
         };
         let text = json_line(&row, &[None; 3], &times, false, "ferry \"Ada\"").unwrap();
         assert!(text.ends_with(b"}\n"));
@@ -109,7 +123,8 @@ mod tests {
         assert_eq!(value["last_byte_in_utc"], "2026-11-29T00:00:20.450000Z");
         assert_eq!(value["row_out_utc"], "2026-11-29T00:00:20.500000Z");
         assert_eq!(value["age_s"], 0.25);
+        assert_eq!(value["station_age_s"], 1.5);
         assert_eq!(value["heading_deg"], Value::Null);
-        assert_eq!(value.as_object().unwrap().len(), ATTITUDE.len() + 5);
+        assert_eq!(value.as_object().unwrap().len(), ATTITUDE.len() + 6);
     }
 }

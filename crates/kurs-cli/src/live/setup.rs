@@ -1,6 +1,7 @@
 //! From the configuration to the parts of the service.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use kurs::ephemeris::NavigationData;
@@ -37,6 +38,7 @@ pub(super) fn setup(
     navigation.update(&files);
     let newest = newest.or_else(|| kurs_live::newest_reference_time(&navigation));
 
+    let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
     let outputs = loaded.config.output.iter().map(|output| self::output(output, &body));
     Ok(Setup {
@@ -46,6 +48,8 @@ pub(super) fn setup(
         make_engine: make_engine(loaded)?,
         finish: finish(),
         deadline: deadline(live.deadline_ms)?,
+        station_max_age_s: station_max_age_s(loaded)?,
+        common_clock: live.common_clock,
         known_time: newest.or(remembered.time),
         write_row: Box::new(move |row| {
             let mut summary = summary.lock().unwrap_or_else(PoisonError::into_inner);
@@ -56,7 +60,8 @@ pub(super) fn setup(
         outputs: outputs.collect::<Result<_, _>>()?,
         gga: Box::new(messages::gga),
         first_gga: remembered.place.and_then(|place| gga_of_place(place, remembered.time)),
-        page: live.page.as_deref().map(page).transpose()?,
+        page: live.page.as_deref().map(|text| page(text, token.is_some())).transpose()?,
+        token,
         state_dir,
         log_dir: loaded.config.log.as_ref().map(|log| loaded.path(&log.dir)),
         once,
@@ -159,12 +164,46 @@ fn output(output: &OutputTable, body: &str) -> Result<Output, UsageError> {
     Ok(Output { address, rate_hz: output.rate_hz, encode })
 }
 
-/// Nobody else may see the page.
-fn page(text: &str) -> Result<SocketAddr, UsageError> {
-    let address = text.parse::<SocketAddr>().ok().filter(|address| address.ip().is_loopback());
-    address.ok_or_else(|| {
-        UsageError(format!("live.page is {text:?}, expected a loopback address: 127.0.0.1:PORT"))
-    })
+/// An epoch of the station that is older than this is of no use unless more is asked for.
+const STATION_MAX_AGE_S: f64 = 10.0;
+
+/// Logs that are read as fast as possible have no order of arrival: only an epoch of the same time serves.
+fn station_max_age_s(loaded: &Loaded) -> Result<f64, UsageError> {
+    let Some(station) = &loaded.config.station else { return Ok(0.0) };
+    let max_age_s = station.max_age_s.unwrap_or(STATION_MAX_AGE_S);
+    if !(0.0..=60.0).contains(&max_age_s) {
+        let text = format!("station.max_age_s is {max_age_s}, expected 0 to 60");
+        return Err(UsageError(text));
+    }
+    let address = station.stream.as_ref().and_then(|stream| stream.parse::<Address>().ok());
+    Ok(if address.is_some_and(|a| a.is_unpaced_file()) { 0.0 } else { max_age_s })
+}
+
+/// Nobody beyond this machine may see the page without a token.
+fn page(text: &str, has_token: bool) -> Result<SocketAddr, UsageError> {
+    let address = text.parse::<SocketAddr>().map_err(|_| {
+        UsageError(format!("live.page is {text:?}, expected an address: 127.0.0.1:PORT"))
+    })?;
+    if !address.ip().is_loopback() && !has_token {
+        return Err(UsageError(format!(
+            "live.page is {text:?}, which others reach: expected a loopback address, or `token_file`"
+        )));
+    }
+    Ok(address)
+}
+
+/// The first line of the file, long enough not to be guessed.
+fn token(path: &Path) -> Result<String, UsageError> {
+    const MIN_LENGTH: usize = 16;
+    let wrong = |what: String| UsageError(format!("live.token_file {}: {what}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+    let line = text.lines().next().unwrap_or("").trim();
+    if line.len() < MIN_LENGTH || !line.bytes().all(|byte| byte.is_ascii_graphic()) {
+        let found = line.len();
+        let text = format!("{found} characters, expected {MIN_LENGTH} or more, without spaces");
+        return Err(wrong(text));
+    }
+    Ok(line.to_owned())
 }
 
 fn gga_of_place(geodetic: Geodetic, time: Option<GpsTime>) -> Option<String> {

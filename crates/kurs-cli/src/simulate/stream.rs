@@ -97,11 +97,10 @@ pub(super) fn send(
     while !watch.asks_to_end() && simulation.next_epoch(&mut epoch) {
         if receivers.is_empty() {
             let navigation = simulation.navigation();
-            receivers = listeners
-                .iter()
-                .zip(places(simulation, &epoch))
-                .map(|(listener, place)| Receiver::new(listener, place, args, navigation))
-                .collect::<io::Result<_>>()?;
+            for (listener, place) in listeners.iter().zip(places(simulation, &epoch)) {
+                let Some(first) = first_client(listener, &watch)? else { return Ok(count) };
+                receivers.push(Receiver::new(listener, first, place, args, navigation)?);
+            }
         }
         let Some(time) = epoch.bodies.first().map(|body| body.truth.time) else { break };
         let (began, first) = *begin.get_or_insert_with(|| (Instant::now(), time));
@@ -118,6 +117,20 @@ pub(super) fn send(
         count += 1;
     }
     Ok(count)
+}
+
+/// Waits for somebody to send to; `None` if the wait is interrupted.
+fn first_client(listener: &TcpListener, watch: &Watch) -> io::Result<Option<TcpStream>> {
+    const LOOK_AGAIN: Duration = Duration::from_millis(20);
+    listener.set_nonblocking(true)?;
+    while !watch.asks_to_end() {
+        match listener.accept() {
+            Ok((client, _)) => return Ok(Some(client)),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => thread::sleep(LOOK_AGAIN),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(None)
 }
 
 /// Where the antennas are at the start, and the station.
@@ -158,9 +171,10 @@ impl Write for Pending {
 }
 
 impl Receiver {
-    /// Waits for the first client, who gets the ephemerides that are sent at the start.
+    /// The first client gets the ephemerides that are sent at the start.
     fn new(
         listener: &TcpListener,
+        first: TcpStream,
         place: Vector<Ecef>,
         args: StreamArgs,
         navigation: &NavigationData,
@@ -177,8 +191,6 @@ impl Receiver {
             StreamFormat::Sbf => Writer::Sbf(Box::new(SbfWriter::new(output, navigation))),
         };
         let listener = listener.try_clone()?;
-        let (first, _) = listener.accept()?;
-        listener.set_nonblocking(true)?;
         let mut receiver = Self { listener, clients: Vec::new(), writer, sent };
         receiver.add(first)?;
         Ok(receiver)

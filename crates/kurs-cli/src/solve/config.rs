@@ -152,6 +152,9 @@ pub(crate) struct StationTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stream: Option<String>,
     pub(crate) position_ecef_m: [f64; 3],
+    /// `kurs live`: until which age an epoch serves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) max_age_s: Option<f64>,
     /// Log of several protocols with observations: the one that is wanted.
     #[serde(
         default,
@@ -190,6 +193,11 @@ pub(crate) struct LiveTable {
     pub(crate) state_dir: Option<PathBuf>,
     /// Address of `/healthz` and `/metrics`.
     pub(crate) page: Option<String>,
+    /// Its first line is what those who ask for the page have to show.
+    pub(crate) token_file: Option<PathBuf>,
+    /// All antennas have one clock: tags that differ are reported.
+    #[serde(default)]
+    pub(crate) common_clock: bool,
 }
 
 /// Where messages go.
@@ -210,6 +218,8 @@ pub(crate) struct OutputTable {
 pub(crate) enum Profile {
     /// Sentences of NMEA 0183.
     Marine,
+    /// The same as gpsd reads them.
+    Gpsd,
     /// The columns of `attitude.csv` as JSON lines, with the times of the message.
     Jsonl,
     /// The rows of `attitude.csv`.

@@ -126,7 +126,10 @@ enum Format {
     Jsonl,
     /// attitude.nmea: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
     Nmea,
-    /// The same with PASHR, which has the standard deviations (not for gpsd).
+    /// The same for gpsd: GGA, RMC, VTG, ZDA, PTNTHTM.
+    #[value(name = "nmea:gpsd")]
+    NmeaGpsd,
+    /// All of them and PASHR, which has the standard deviations (not for gpsd).
     #[value(name = "nmea:survey")]
     NmeaSurvey,
     /// position.pos and baseline-A-B.pos, as RTKLIB writes solutions and RTKPLOT opens them.
@@ -139,7 +142,7 @@ impl Format {
         match self {
             Self::Csv => "attitude.csv",
             Self::Jsonl => "attitude.jsonl",
-            Self::Nmea | Self::NmeaSurvey => "attitude.nmea",
+            Self::Nmea | Self::NmeaGpsd | Self::NmeaSurvey => "attitude.nmea",
             Self::Pos => "position.pos",
         }
     }
@@ -280,7 +283,11 @@ impl Outputs {
                 });
             }
         }
-        let profiles = [(Format::NmeaSurvey, Profile::Survey), (Format::Nmea, Profile::Marine)];
+        let profiles = [
+            (Format::NmeaSurvey, Profile::Survey),
+            (Format::NmeaGpsd, Profile::Gpsd),
+            (Format::Nmea, Profile::Marine),
+        ];
         let wanted = profiles.iter().find(|(format, _)| formats.contains(format));
         let nmea = wanted.map(|(_, profile)| NmeaLog::create(directory, *profile)).transpose()?;
         let pos = formats

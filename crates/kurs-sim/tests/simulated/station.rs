@@ -2,11 +2,13 @@
 //! that the coordinates alone give (the chain of seed 004) beside that of the array.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+use std::collections::VecDeque;
+
 use crate::solving::{self, angle_errors, ready, settings};
 use kurs::differential::Differential;
 use kurs::engine::{Constraint, Engine};
 use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
-use kurs::solution::Status;
+use kurs::solution::{PositionOrigin, Status};
 use kurs_sim::scenario::{Place, Scenario, Station};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 
@@ -92,4 +94,59 @@ fn coordinates_of_a_car_near_a_station() {
     assert!(by_phase.len() as f64 >= 0.95 * f64::from(epochs), "{} of {epochs}", by_phase.len());
     assert!(phase_m <= 0.02, "{phase_m}");
     assert!(rms(&own_headings) < 0.1 * rms(&chain_headings));
+}
+
+/// The station's epochs come 1.5 s or 6 s late: carried to the row they give coordinates by phase, or by code.
+#[test]
+fn an_older_epoch_of_the_station_is_carried_to_the_row() {
+    for (lag, is_young) in [(3, true), (12, false)] {
+        let mut scenario: Scenario = ready("car");
+        (scenario.interval_s, scenario.duration_s) = (0.5, 40.0);
+        let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
+        scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+        let known = settings(&scenario, Constraint::Array);
+        let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+        let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+        let mut engine = Differential::new(engine, Some(place.geodetic().to_ecef())).unwrap();
+        let (mut late, mut by_phase, mut by_code) = (VecDeque::new(), Vec::new(), Vec::new());
+        let (mut normalised, mut epochs) = (0.0, 0);
+        let mut simulated = SimulatedEpoch::default();
+        while simulation.next_epoch(&mut simulated) {
+            let body = &mut simulated.bodies[0];
+            late.push_back(simulated.station.take());
+            if late.len() <= lag {
+                continue;
+            }
+            epochs += 1;
+            body.observed.station = late.pop_front().unwrap();
+            let position = engine.push(&body.observed, None).position.unwrap();
+            let horizon = kurs::sky::Horizon::at(body.truth.position_m);
+            let error_ned = horizon.ned_from_ecef() * (position.position_m - body.truth.position_m);
+            match position.origin {
+                PositionOrigin::StationPhase => {
+                    by_phase.push(error_ned.norm());
+                    normalised +=
+                        solving::normalised_square(&error_ned.xyz(), &position.covariance_m2);
+                }
+                PositionOrigin::StationCode => by_code.push(error_ned.norm()),
+                PositionOrigin::Alone => panic!("a row without the station"),
+            }
+        }
+        println!(
+            "{} s late: by phase {:.4} m in {} of {epochs} epochs, by code {:.2} m",
+            0.5 * lag as f64,
+            rms(&by_phase),
+            by_phase.len(),
+            rms(&by_code)
+        );
+        if is_young {
+            assert!(by_phase.len() >= 9 * epochs / 10, "{} of {epochs}", by_phase.len());
+            assert!(rms(&by_phase) <= 0.03, "{}", rms(&by_phase));
+            // Of three for errors as large as stated.
+            assert!(normalised / by_phase.len() as f64 <= 4.0, "{normalised}");
+        } else {
+            assert_eq!((by_phase.len(), by_code.len()), (0, epochs));
+            assert!(rms(&by_code) <= 1.0, "{}", rms(&by_code));
+        }
+    }
 }
