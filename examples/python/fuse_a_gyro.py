@@ -1,0 +1,20 @@
+"""A car that has no satellites for ten seconds: attitudes of its antennas, and the same carried on by a gyro.
+
+The same in Rust: `cargo run --release -p kurs-cli --example twins fuse_a_gyro`.
+"""
+
+import tempfile
+from pathlib import Path
+
+import kurs
+import numpy as np
+
+scenario = Path(__file__).parents[1] / "fuse" / "car-with-gyro.toml"
+with tempfile.TemporaryDirectory() as folder:
+    config = kurs.simulate(scenario, folder, duration_s=75, interval_s=0.2)
+    solved = kurs.solve(config, out=Path(folder) / "solved").attitude
+    fused = kurs.fusion.fuse(Path(folder) / "fuse.toml").table("attitude")
+
+for name, table in (("antennas", solved), ("with gyro", fused)):
+    known = np.count_nonzero(~np.isnan(table["heading_deg"]))
+    print(f"{name}: heading known in {known} of {table.rows} rows")
