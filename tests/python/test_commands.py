@@ -1,6 +1,7 @@
 """The commands through Python: the same rows, the same words."""
 
 import csv
+import os
 import subprocess
 import sys
 import tomllib
@@ -117,9 +118,14 @@ def test_stubs_and_package_are_strictly_typed():
         assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("script", sorted((ROOT / "examples/python").glob("*.py")), ids=lambda path: path.stem)
-def test_examples_run(script, tmp_path):
+@pytest.mark.parametrize("script", sorted((ROOT / "crates/kurs-py/examples").glob("*.py")), ids=lambda path: path.stem)
+def test_examples_and_their_twins_in_rust(script, tmp_path):
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    expected = [line[2:] for line in script.read_text().splitlines() if line.startswith("#>")]
-    assert expected and [line.strip() for line in expected] == [l.strip() for l in done.stdout.splitlines()]
+    expected = [line[3:] for line in script.read_text().splitlines() if line.startswith("#> ")]
+    assert expected and done.stdout.splitlines() == expected
+    twins = os.environ.get("KURS_TWINS")
+    if twins is None:
+        pytest.skip("no KURS_TWINS, the example of kurs-py that tests/python/run builds")
+    twin = subprocess.run([twins, script.stem], capture_output=True, text=True, cwd=tmp_path)
+    assert twin.returncode == 0 and twin.stdout.splitlines() == expected, twin.stderr

@@ -1,12 +1,14 @@
 //! Numpy arrays as they come: one problem, or many with a leading dimension.
 
 use std::borrow::Cow;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::errors;
 
@@ -126,11 +128,32 @@ pub(crate) fn solve_all<M, T: Send>(
 ) -> Vec<T> {
     match count {
         None => vec![solve(&mut memory(), 0)],
-        Some(count) => py.detach(|| {
+        Some(count) => in_parallel(py, || {
             let problems = (0..count).into_par_iter().with_min_len(MIN_PROBLEMS);
             problems.map_init(&memory, |memory, problem| solve(memory, problem)).collect()
         }),
     }
+}
+
+/// Runs work on the threads of this process, without the interpreter's lock.
+pub(crate) fn in_parallel<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
+    py.detach(|| match pool() {
+        Some(pool) => pool.install(work),
+        None => work(),
+    })
+}
+
+/// The threads of this process: those of a process that forked are not there in its child.
+fn pool() -> Option<Arc<ThreadPool>> {
+    static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+    let process = std::process::id();
+    let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    if pool.as_ref().is_none_or(|(of, _)| *of != process) {
+        let new = Arc::new(ThreadPoolBuilder::new().build().ok()?);
+        // There is nobody to be told that the old one has ended.
+        std::mem::forget(pool.replace((process, new)));
+    }
+    pool.as_ref().map(|(_, pool)| Arc::clone(pool))
 }
 
 /// An array with the leading dimension of the problems, if there are many, and `inner` for each.

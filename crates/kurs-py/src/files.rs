@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
+use crate::arrays;
 use crate::errors::InputError;
 
 /// GPS time began so many nanoseconds after 1970.
@@ -223,7 +224,7 @@ impl Navigation {
                 pyo3::exceptions::PyValueError::new_err(error.to_string())
             })?;
         let times: Vec<i64> = times.as_array().iter().copied().collect();
-        let states: Vec<_> = py.detach(|| {
+        let states: Vec<_> = arrays::in_parallel(py, || {
             let at = |time: &i64| {
                 let time = GpsTime::from_nanoseconds(time.saturating_sub(GPS_ORIGIN_NS));
                 self.data.ephemerides.state(satellite, time).ok()

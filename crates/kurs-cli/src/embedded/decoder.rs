@@ -1,7 +1,9 @@
 //! Bytes of one receiver, given piece by piece, to epochs: a reader in a thread that waits for the next
 //! piece, and a caller that waits until the reader has made of the last one what it can.
 
+use std::collections::VecDeque;
 use std::io::{self, Read};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
@@ -28,7 +30,7 @@ struct Pipe {
 
 #[derive(Debug, Default)]
 struct State {
-    bytes: Vec<u8>,
+    bytes: VecDeque<u8>,
     /// No more will come.
     is_closed: bool,
     /// The reader has used everything and waits.
@@ -49,7 +51,9 @@ impl ByteDecoder {
         let pipe = Arc::new(Pipe::default());
         let (of_thread, name, options) = (Arc::clone(&pipe), name.to_owned(), *options);
         let thread = std::thread::spawn(move || {
-            let error = decode(&of_thread, name, &options).err();
+            let outcome = catch_unwind(AssertUnwindSafe(|| decode(&of_thread, name, &options)));
+            let panicked = |_| Err("the decoder stopped by an error of its own".to_owned());
+            let error = outcome.unwrap_or_else(panicked).err();
             let mut state = of_thread.lock();
             (state.has_ended, state.error) = (true, error);
             of_thread.changed.notify_all();
@@ -60,7 +64,7 @@ impl ByteDecoder {
     /// Gives the next bytes; what they complete, and what is wrong with them if nothing can be made of them.
     pub(super) fn push(&self, bytes: &[u8]) -> (Vec<Decoded>, Option<String>) {
         let mut state = self.pipe.lock();
-        state.bytes.extend_from_slice(bytes);
+        state.bytes.extend(bytes);
         state.is_waiting = false;
         self.take(state)
     }
@@ -119,9 +123,6 @@ impl Read for PipeReader {
             self.0.changed.notify_all();
             state = self.0.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-        let count = out.len().min(state.bytes.len());
-        out[..count].copy_from_slice(&state.bytes[..count]);
-        state.bytes.drain(..count);
-        Ok(count)
+        state.bytes.read(out)
     }
 }

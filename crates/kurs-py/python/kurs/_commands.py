@@ -12,6 +12,7 @@ from typing import Any
 
 from kurs import _native
 from kurs._table import Table
+from kurs._whole import whole_file
 
 #: A configuration: the path of its file, or its tables as a dictionary.
 Config = str | PathLike[str] | Mapping[str, Any]
@@ -128,8 +129,6 @@ class Solution(Results):
 
     def report(self, path: str | PathLike[str]) -> None:
         """Solves once more with everything that the report shows, and writes its page to `path`."""
-        from kurs._whole import whole_file
-
         with tempfile.TemporaryDirectory(prefix="kurs-") as folder, whole_file(path) as temporary:
             self._run(folder, "--report")
             temporary.write_bytes((Path(folder) / "report.html").read_bytes())

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kurs import _native
 from kurs._table import Table
-
-if TYPE_CHECKING:
-    import xarray
 
 #: One path or several.
 Paths = str | PathLike[str] | Sequence[str | PathLike[str]]
@@ -39,10 +37,9 @@ class Observations(Table):
     when approaching), cn0_dbhz, lock (RINEX digit).
     """
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Variables (time, sv) by RINEX code ("C1C", "L1C", …), as georinex has them; NaN where there is none."""
-        import xarray
-
+    def to_xarray(self) -> Any:
+        """The same as xarray.Dataset: variables (time, sv) by RINEX code ("C1C", "L1C", …), as georinex has them; NaN where there is none."""
+        xarray: Any = import_module("xarray")
         times, time_index = np.unique(self["time_gpst"], return_inverse=True)
         codes, satellites = self.words("satellite")
         order = np.argsort(satellites)

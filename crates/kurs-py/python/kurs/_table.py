@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kurs import _native
-
-if TYPE_CHECKING:
-    import pandas
-    import polars
-    import pyarrow
+from kurs._whole import whole_file
 
 #: Codes of words and the words; -1 stands for none.
 Words = tuple[NDArray[np.int32], list[str]]
@@ -65,11 +62,11 @@ class Table(Mapping[str, NDArray[Any]]):
     def __repr__(self) -> str:
         return f"Table({self.rows} rows: {', '.join(self)})"
 
-    def to_arrow(self) -> pyarrow.Table:
-        """The same for pyarrow: NaN becomes null, words are dictionaries."""
-        import pyarrow as pa
+    def to_arrow(self) -> Any:
+        """The same as pyarrow.Table: NaN becomes null, words are dictionaries."""
+        pa: Any = import_module("pyarrow")
 
-        def arrow(column: NDArray[Any] | Words) -> pa.Array:
+        def arrow(column: NDArray[Any] | Words) -> Any:
             if isinstance(column, tuple):
                 codes, words = column
                 small = codes.astype(np.uint8 if len(words) < 255 else np.int32)
@@ -82,11 +79,12 @@ class Table(Mapping[str, NDArray[Any]]):
         return pa.table({name: arrow(column) for name, column in self._columns.items()})
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        return self.to_arrow().__arrow_c_stream__(requested_schema)
+        stream: object = self.to_arrow().__arrow_c_stream__(requested_schema)
+        return stream
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """The same for pandas: words are categories."""
-        import pandas as pd
+    def to_pandas(self) -> Any:
+        """The same as pandas.DataFrame: words are categories."""
+        pd: Any = import_module("pandas")
 
         def series(column: NDArray[Any] | Words) -> Any:
             if isinstance(column, tuple):
@@ -95,9 +93,9 @@ class Table(Mapping[str, NDArray[Any]]):
 
         return pd.DataFrame({name: series(column) for name, column in self._columns.items()})
 
-    def to_polars(self) -> polars.DataFrame:
-        """The same for polars: NaN becomes null, words are categories."""
-        import polars as pl
+    def to_polars(self) -> Any:
+        """The same as polars.DataFrame: NaN becomes null, words are categories."""
+        pl: Any = import_module("polars")
 
         def series(name: str, column: NDArray[Any] | Words) -> Any:
             if isinstance(column, tuple):
@@ -110,9 +108,6 @@ class Table(Mapping[str, NDArray[Any]]):
 
     def to_parquet(self, path: str | PathLike[str]) -> None:
         """Writes a Parquet file through pyarrow; it appears whole or not at all."""
-        import pyarrow.parquet as pq
-
-        from kurs._whole import whole_file
-
+        parquet: Any = import_module("pyarrow.parquet")
         with whole_file(path) as temporary:
-            pq.write_table(self.to_arrow(), temporary)
+            parquet.write_table(self.to_arrow(), temporary)

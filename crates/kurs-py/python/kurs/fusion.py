@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kurs._commands import Config, Results, config_file, run, settings
+from kurs._whole import whole_file
 
 
 class Fusion(Results):
@@ -24,8 +25,6 @@ def fuse(config: Config, *, out: str | PathLike[str] | None = None, **overrides:
 
 def write_imu(path: str | PathLike[str], columns: Mapping[str, NDArray[np.float64]]) -> None:
     """A log for `fuse` and `calibrate` of columns (n,) such as time_s, gx_radps, ax_mps2, in sensor axes."""
-    from kurs._whole import whole_file
-
     with whole_file(path) as temporary:
         numbers = np.column_stack(list(columns.values()))
         np.savetxt(temporary, numbers, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")

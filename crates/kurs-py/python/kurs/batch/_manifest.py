@@ -5,14 +5,15 @@ from __future__ import annotations
 import csv
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from os import PathLike
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from kurs._commands import run as run_command
 from kurs._commands import settings
-from kurs._native import UsageError
+from kurs._native import InputError, UsageError
 from kurs._table import Table
 from kurs.batch._remote import fetched
 
@@ -48,7 +49,7 @@ def run(
             solve_session(manifest, out, entry, arguments, format)
     else:
         tasks = [executor.submit(solve_session, manifest, out, entry, arguments, format) for entry in entries]
-        for task in as_completed(tasks) if hasattr(tasks[0], "_condition") else tasks:
+        for task in tasks:
             task.result()
     _call(manifest, out, ["--merge"])
     return Table.read_csv(out / "manifest-status.csv")
@@ -66,8 +67,6 @@ def solve_session(manifest: Path, out: Path, entry: dict[str, str], arguments: S
 
 
 def _call(manifest: Path, out: Path, arguments: Sequence[str]) -> None:
-    from kurs._native import InputError
-
     try:
         if run_command("batch", manifest, "--out", out, *arguments) == 130:
             raise KeyboardInterrupt
@@ -122,6 +121,4 @@ def _write_parquet(out: Path, label: str) -> None:
 
 def folder_name(label: str) -> str:
     """The folder of a session in the data set."""
-    from urllib.parse import quote
-
     return f"session={quote(label, safe='~')}"

@@ -64,10 +64,10 @@ def monte_carlo(
     """
     folder = Path(out).absolute()
     with config_file(scenario) as path:
-        text = Path(path).read_text(encoding="utf-8") if Path(path).exists() else path
+        is_file = Path(path).exists()
+        text = Path(path).read_text(encoding="utf-8") if is_file else path
     configuration = json.dumps([version(), text, overrides, dict(solve_with or {})], default=str)
-    given = (text, Path(scenario).suffix == ".toml" if isinstance(scenario, (str, PathLike)) else True)
-    tasks = [(given, run, folder, configuration, overrides, dict(solve_with or {})) for run in range(runs)]
+    tasks = [((text, is_file), run, folder, configuration, overrides, dict(solve_with or {})) for run in range(runs)]
     if executor is None:
         for task in tasks:
             one_run(*task)

@@ -1,5 +1,6 @@
 """Files of other file systems, such as `s3://bucket/day1.rnx`."""
 
+from importlib import import_module
 from pathlib import Path
 from shutil import copyfileobj
 from typing import Any
@@ -15,10 +16,9 @@ def fetched(address: str, folder: Path) -> Path:
 
 def _opened(address: str) -> Any:
     try:
-        import fsspec
+        fsspec: Any = import_module("fsspec")
     except ImportError:
-        from pyarrow import fs
-
-        system, path = fs.FileSystem.from_uri(address)
+        file_systems: Any = import_module("pyarrow.fs")
+        system, path = file_systems.FileSystem.from_uri(address)
         return system.open_input_stream(path)
     return fsspec.open(address, "rb").open()

@@ -1,7 +1,7 @@
 """A first heading: a roof with four antennas, simulated and solved.
 
 `ned_from_body`: heading clockwise from north, pitch nose up.
-The same in Rust: `cargo run --release -p kurs-cli --example twins first_heading`.
+The same in Rust: `cargo run --release -p kurs-py --example twins first_heading`.
 """
 
 import tempfile

@@ -1,6 +1,6 @@
 """An array on paper: how accurate a square of one metre is, and which baselines to process.
 
-The same in Rust: `cargo run --release -p kurs-cli --example twins plan_an_array`.
+The same in Rust: `cargo run --release -p kurs-py --example twins plan_an_array`.
 """
 
 import kurs

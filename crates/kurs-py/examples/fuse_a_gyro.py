@@ -1,6 +1,6 @@
 """A car that has no satellites for ten seconds: attitudes of its antennas, and the same carried on by a gyro.
 
-The same in Rust: `cargo run --release -p kurs-cli --example twins fuse_a_gyro`.
+The same in Rust: `cargo run --release -p kurs-py --example twins fuse_a_gyro`.
 """
 
 import tempfile
@@ -9,7 +9,7 @@ from pathlib import Path
 import kurs
 import numpy as np
 
-scenario = Path(__file__).parents[1] / "fuse" / "car-with-gyro.toml"
+scenario = Path(__file__).parents[3] / "examples/fuse" / "car-with-gyro.toml"
 with tempfile.TemporaryDirectory() as folder:
     config = kurs.simulate(scenario, folder, duration_s=75, interval_s=0.2)
     solved = kurs.solve(config, out=Path(folder) / "solved").attitude

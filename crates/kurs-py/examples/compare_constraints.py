@@ -1,6 +1,6 @@
 """What the known array is worth: single epochs of one band, with and without it in the integer search.
 
-The same in Rust: `cargo run --release -p kurs-cli --example twins compare_constraints`.
+The same in Rust: `cargo run --release -p kurs-py --example twins compare_constraints`.
 """
 
 import tempfile

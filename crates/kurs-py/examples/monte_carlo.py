@@ -1,7 +1,7 @@
 """Many runs of one scenario on a Dask cluster: does the scatter of the heading fit its standard deviations?
 
 The seeds are hashes of the configuration and the run, so that any executor gives the same runs.
-The same in Rust: `cargo run --release -p kurs-cli --example twins monte_carlo`.
+The same in Rust: `cargo run --release -p kurs-py --example twins monte_carlo`.
 """
 
 import kurs

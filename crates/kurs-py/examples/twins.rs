@@ -1,4 +1,4 @@
-//! The scripts of `examples/python` in Rust, with the same lines: `cargo run -p kurs-cli --example twins NAME`.
+//! The scripts of this folder in Rust, with the same lines: `cargo run -p kurs-py --example twins NAME`.
 #![allow(clippy::print_stdout)] // an example
 
 use std::error::Error;
@@ -20,7 +20,7 @@ fn main() -> Done {
         Some("plan_an_array") => plan_an_array(),
         Some("fuse_a_gyro") => fuse_a_gyro(),
         Some("monte_carlo") => monte_carlo(),
-        other => Err(format!("{other:?}: expected the name of a script in examples/python").into()),
+        other => Err(format!("{other:?}: expected the name of a script in this folder").into()),
     }
 }
 
