@@ -80,7 +80,6 @@ def test_errors_have_the_words_of_the_command_line(simulated, tmp_path):
 
 
 def test_tables_for_others(solution, tmp_path):
-    import pandas as pd
     import polars as pl
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -100,7 +99,6 @@ def test_tables_for_others(solution, tmp_path):
     table.to_parquet(tmp_path / "attitude.parquet")
     assert pq.read_table(tmp_path / "attitude.parquet")["qw"].to_pylist() == arrow["qw"].to_pylist()
     assert [path.name for path in tmp_path.iterdir()] == ["attitude.parquet"]
-    assert isinstance(pd.DataFrame(frame), pd.DataFrame)
 
 
 def test_report_and_inspect_and_plan(solution, simulated, tmp_path):
@@ -109,7 +107,7 @@ def test_report_and_inspect_and_plan(solution, simulated, tmp_path):
     seen = kurs.inspect(simulated / "A0.rnx")
     assert seen[0]["content"] == "observations"
     planned = kurs.plan({"antenna": [{"name": f"A{i}", "position_m": p} for i, p in enumerate(np.eye(3))]}, duration="2h")
-    assert planned["accuracy"] if "accuracy" in planned else planned
+    assert 0 < planned["epochs"][0]["heading_sd_deg"] < 5
 
 
 def test_stubs_and_package_are_strictly_typed():

@@ -189,5 +189,5 @@ def inspect(*files: str | PathLike[str]) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory(prefix="kurs-") as folder:
         path = Path(folder) / "inspect.json"
         run("inspect", *files, f"--json={path}")
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
-        return found if isinstance(found, list) else [found]
+        found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+        return found
