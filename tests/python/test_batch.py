@@ -21,7 +21,7 @@ def manifest(tmp_path_factory):
     """Sessions of four recordings, each with its own keys; one has no fix, one no file."""
     folder = tmp_path_factory.mktemp("archive")
     for seed in range(4):
-        kurs.simulate("roof-static", folder / f"day{seed}", seed=seed + 1, duration_s=40)
+        kurs.simulate("roof-static", folder / f"day{seed}", seed=seed + 1, duration_s=20)
     made = sorted(path.name for path in (folder / "day0").iterdir())
     assert "kurs.toml" in made
     with (folder / "manifest.csv").open("w", newline="") as file:
@@ -155,7 +155,7 @@ def test_parquet_is_one_data_set(manifest, tmp_path):
     files = sorted(str(path) for path in tmp_path.glob("session=*/attitude.parquet"))
     data = ds.dataset(files, partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(tmp_path))
     rows = data.to_table(columns=["session", "status", "heading_deg"])
-    assert len(set(rows["session"].to_pylist())) == SESSIONS - 1 and rows.num_rows > 500
+    assert len(set(rows["session"].to_pylist())) == SESSIONS - 1 and rows.num_rows > 400
 
 
 def test_files_of_other_file_systems(manifest, tmp_path):

@@ -56,13 +56,12 @@ def test_solve_has_the_rows_of_the_command(solved, solution):
 
 
 def test_overrides_and_dictionaries(simulated, solution):
-    config = {
-        "antenna": [
-            {"name": f"A{i}", "obs": [simulated / f"A{i}.rnx"], "position_m": np.array([1.2 * i, 0, 0])} for i in (0, 1)
-        ],
-        "nav": {"files": [next(simulated.glob("*nav*.rnx"), simulated / "nav.rnx")]},
-        "solve": {"bands": None},
-    }
+    config = tomllib.loads((simulated / "kurs.toml").read_text())
+    for i, antenna in enumerate(config["antenna"]):
+        antenna["obs"] = [simulated / name for name in antenna["obs"]]
+        antenna["position_m"] = np.array([1.2 * i, 0, 0])
+    config["nav"]["files"] = [simulated / name for name in config["nav"]["files"]]
+    config["solve"]["bands"] = None
     one_band = kurs.solve(config, bands=["G1"], solve__elevation_mask_deg=15)
     assert one_band.attitude["satellites"].max() < solution.attitude["satellites"].max()
     assert np.array_equal(kurs.solve(config).attitude["heading_deg"], solution.attitude["heading_deg"], equal_nan=True)

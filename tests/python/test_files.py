@@ -5,7 +5,6 @@ import warnings
 import kurs
 import numpy as np
 import pytest
-from conftest import ROOT
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -52,19 +51,23 @@ def test_filters(recordings):
         kurs.read_obs("/no/such/file")
 
 
-def test_states_of_broadcast_beside_precise_orbits():
-    nav = kurs.read_nav(ROOT / "testdata/navigation/precise.sp3")
-    satellite = nav.satellites[0]
-    lines = (ROOT / "testdata/navigation/precise.sp3").read_text().splitlines()
-    epochs = [line for line in lines if line.startswith("*")]
-    middle = epochs[len(epochs) // 2]
-    year, month, day, hour, minute, second = middle[1:].split()
-    time = np.datetime64(f"{year}-{int(month):02}-{int(day):02}T{int(hour):02}:{int(minute):02}:{int(float(second)):02}")
-    row = next(l for l in lines[lines.index(middle) :] if l.startswith(f"P{satellite}"))
-    position, velocity, clock = nav.state(satellite, [time, time + np.timedelta64(1, "s")])
-    assert np.allclose(position[0], 1e3 * np.array([float(x) for x in row[4:46].split()]), atol=1e-3)
-    assert np.allclose(position[1] - position[0], velocity.mean(axis=0), atol=0.01)
-    far = nav.state(satellite, np.datetime64("1990-01-01"))
+def test_states_of_broadcast_beside_precise_orbits(recordings):
+    broadcast = kurs.read_nav(recordings / "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz")
+    precise = kurs.read_nav(recordings / "orbits/GRG0MGXFIN_20201770000_01D_15M_ORB.SP3.gz")
+    times = np.datetime64("2020-06-25T06:00") + np.arange(0, 43200, 450) * np.timedelta64(1, "s")
+    errors = []
+    for satellite in (name for name in precise.satellites if name[0] == "G"):
+        position, velocity, clock = broadcast.state(satellite, times)
+        wanted, rate, _ = precise.state(satellite, times)
+        errors.append(np.linalg.norm(position - wanted, axis=1))
+        assert np.nanmax(np.abs(velocity - rate), initial=0) < 0.01
+        assert np.nanmax(np.abs(clock), initial=0) < 1e-3
+        # The velocity is the rate of the position.
+        later = broadcast.state(satellite, times + np.timedelta64(1, "s"))[0]
+        assert np.nanmax(np.abs(later - position - (velocity + 0)), initial=0) < 1.0
+    # Broadcast orbits are good to two metres, and are those of the antenna, not of the centre of mass.
+    assert np.count_nonzero(~np.isnan(errors)) > 300 and np.nanmedian(errors) < 3
+    far = precise.state("G01", np.datetime64("1990-01-01"))
     assert np.isnan(far[0]).all() and np.isnan(far[2]).all()
 
 

@@ -17,5 +17,5 @@ def headings(config: str) -> NDArray[np.float64]:
     return solution.attitude["heading_deg"]
 
 
-def best(a: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.int64]:
-    return kurs.ambiguity.lambda_(a, Q).integers[0]
+def all_of(a: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.int64]:
+    return kurs.ambiguity.lambda_(a, Q).integers

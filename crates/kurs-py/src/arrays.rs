@@ -41,10 +41,10 @@ impl<'a> Stack<'a> {
                 return Err(errors::of_shape(what, shape, &expected));
             }
         };
-        let numbers = match array.as_slice() {
-            Ok(rows) => Cow::Borrowed(rows),
-            Err(_) => Cow::Owned(array.as_array().iter().copied().collect()),
-        };
+        // Also columns after columns are a slice.
+        let rows = array.as_slice().ok().filter(|_| array.is_c_contiguous());
+        let copied = || Cow::Owned(array.as_array().iter().copied().collect());
+        let numbers = rows.map_or_else(copied, Cow::Borrowed);
         Ok(Self { numbers, shape, count })
     }
 

@@ -69,7 +69,7 @@ def _toml_value(value: Any) -> str:
 
 
 def run(command: str, *arguments: str | PathLike[str]) -> int:
-    """Runs a command without its printed lines; gives the exit status 0, 3 or 130."""
+    """Runs a command without its printed lines; gives the exit status 0 or 3."""
     return _native.call(["kurs", command, *map(str, arguments), "--quiet"])
 
 
@@ -77,8 +77,11 @@ class Results:
     """The files that a command wrote, read when they are asked for."""
 
     def __init__(self, folder: str | PathLike[str] | None = None) -> None:
-        self._temporary = tempfile.TemporaryDirectory(prefix="kurs-") if folder is None else None
-        self.folder = Path(folder if self._temporary is None else self._temporary.name)
+        if folder is None:
+            # It goes with this object.
+            self._temporary = tempfile.TemporaryDirectory(prefix="kurs-")
+            folder = self._temporary.name
+        self.folder = Path(folder)
         self._tables: dict[str, Table] = {}
 
     def table(self, name: str) -> Table:
@@ -100,12 +103,11 @@ class Solution(Results):
         super().__init__(out)
         self._config = config
         self._overrides = dict(overrides)
-        #: As of the command line: 0, or 3 if nothing is fixed.
-        self.status = self._run(self.folder)
+        self._run(self.folder)
 
-    def _run(self, folder: str | PathLike[str], *options: str) -> int:
+    def _run(self, folder: str | PathLike[str], *options: str) -> None:
         with config_file(self._config) as path:
-            return run("solve", path, *settings(self._overrides), *options, "--out", folder)
+            run("solve", path, *settings(self._overrides), *options, "--require-fix", "0", "--out", folder)
 
     @property
     def attitude(self) -> Table:
@@ -121,6 +123,11 @@ class Solution(Results):
     def points(self) -> Table:
         """A row for every `[[point]]` and epoch: place and standard deviations."""
         return self.table("points")
+
+    @property
+    def status(self) -> int:
+        """The exit status of the command line: 0, 3 if nothing is fixed."""
+        return 0 if self.summary["fixed"] else 3
 
     @property
     def summary(self) -> dict[str, Any]:
