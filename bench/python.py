@@ -5,12 +5,10 @@ KURS_DATA: folder of the recordings (default ../shared/data).
 """
 
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
 import time
-import timeit
 import warnings
 from pathlib import Path
 
@@ -20,16 +18,14 @@ import numpy as np
 DATA = Path(os.environ.get("KURS_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 
-def median_ns(call, times=100_000):
-    """Median of `times` calls, ns."""
-    clock = time.perf_counter_ns
+def spent_s(call, repeat=5):
+    """Processor time of a call, s: the least of some."""
     spent = []
-    for _ in range(times):
-        start = clock()
+    for _ in range(repeat):
+        start = time.process_time()
         call()
-        spent.append(clock() - start)
-    empty = statistics.median(-start + clock() for start in (clock() for _ in range(10_000)))
-    return statistics.median(spent) - empty
+        spent.append(time.process_time() - start)
+    return min(spent)
 
 
 def overhead():
@@ -44,10 +40,10 @@ def overhead():
         ("lambda_", kurs.ambiguity.lambda_, (a, Q)),
     ):
         many = [np.broadcast_to(array, (100_000, *array.shape)).copy() for array in arguments]
-        inside = min(timeit.repeat(lambda: function(*many), number=1, repeat=5)) * 1e4
-        whole = median_ns(lambda: function(*arguments))
+        inside = 1e4 * spent_s(lambda: function(*many))
+        whole = 1e4 * spent_s(lambda: [function(*arguments) for _ in range(100_000)][:0])
         print(f"{name}: {whole:.0f} ns a call, {inside:.0f} ns of it in Rust, overhead {whole - inside:.0f} ns")
-    print(f"a call without arrays: {median_ns(kurs._version):.0f} ns")
+    print(f"a call without arrays: {1e4 * spent_s(lambda: [kurs._version() for _ in range(100_000)]):.0f} ns")
 
 
 def many_attitudes():
@@ -57,8 +53,8 @@ def many_attitudes():
     turn *= np.linalg.det(turn)
     local = body @ turn.T + random.normal(scale=0.003, size=(1_000_000, 3, 3))
     start = time.perf_counter()
-    kurs.attitude.weighted(body, local, np.diag([4e-6, 4e-6, 16e-6]))
-    print(f"1e6 weighted attitudes in one call: {time.perf_counter() - start:.2f} s")
+    spent = spent_s(lambda: kurs.attitude.weighted(body, local, np.diag([4e-6, 4e-6, 16e-6])), repeat=1)
+    print(f"1e6 weighted attitudes in one call: {time.perf_counter() - start:.2f} s, {spent:.2f} s of processors")
 
 
 def reading():
@@ -66,15 +62,20 @@ def reading():
     if not file.exists():
         print(f"skipped: no {file}")
         return
-    ours = min(timeit.repeat(lambda: kurs.read_obs(file), number=1, repeat=5))
-    grid = min(timeit.repeat(lambda: kurs.read_obs(file).to_xarray(), number=1, repeat=3))
+    ours = spent_s(lambda: kurs.read_obs(file))
+    grid = spent_s(lambda: kurs.read_obs(file).to_xarray(), repeat=3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import georinex
 
-        start = time.perf_counter()
-        georinex.load(file)
-        theirs = time.perf_counter() - start
+        found = []
+        theirs = spent_s(lambda: found.append(georinex.load(file)), repeat=1)
+    grids = kurs.read_obs(file).to_xarray()
+    names = [name for name in found[0].data_vars if name in grids]
+    pairs = [(grids[name].sel(time=found[0].time, sv=found[0].sv).values, found[0][name].values) for name in names]
+    same = sum(np.count_nonzero(ours == theirs) for ours, theirs in pairs)
+    values = sum(np.count_nonzero(~np.isnan(theirs)) for _, theirs in pairs)
+    print(f"{same} of the {values} values that georinex has are the same")
     size = file.stat().st_size / 1e6
     print(f"read_obs of {size:.1f} MB: {ours:.3f} s, as xarray {grid:.3f} s, georinex {theirs:.1f} s ({theirs / ours:.0f} times)")
 
@@ -94,10 +95,11 @@ def memory_of_a_large_file():
             for shift in range(int(100e6 / len(epochs)) + 1):
                 file.write(shifted(epochs, shift))
         code = (
-            "import kurs, resource, time; start = time.perf_counter(); "
-            "base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss; "
+            "import kurs, re, time; start = time.perf_counter(); "
+            "kb = lambda key: int(re.search(key + r':\\s+(\\d+)', open('/proc/self/status').read())[1]); "
+            "open('/proc/self/clear_refs', 'w').write('5'); base = kb('VmRSS'); "
             f"table = kurs.read_obs({str(large)!r}); "
-            "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - base; "
+            "peak = kb('VmHWM') - base; "
             "size = sum(c[0].nbytes if isinstance(c, tuple) else c.nbytes for c in table._columns.values()) / 1e6; "
             "print(f'{table.rows} rows, {time.perf_counter() - start:.2f} s, peak {peak / 1024:.0f} MB, table {size:.0f} MB')"
         )

@@ -17,3 +17,6 @@ with tempfile.TemporaryDirectory() as folder:
 
 for name, table in (("antennas", solved), ("with gyro", fused)):
     print(f"{name}: {np.count_nonzero(~np.isnan(table['heading_deg']))} headings")
+
+#> antennas: 326 headings
+#> with gyro: 376 headings

@@ -23,3 +23,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+#> 10 runs, 210 fixed epochs
+#> mean square of error over standard deviation between 0.5 and 2: True

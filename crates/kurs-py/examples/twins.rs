@@ -46,7 +46,8 @@ fn compare_constraints() -> Done {
         let out = folder.file("solved");
         let set = format!("constraint={constraint}");
         let config = folder.file("kurs.toml");
-        kurs(&["solve", &config, "--set", &set, "--set", "bands=[G1,E1]", "--out", &out])?;
+        let keys = ["--set", "bands=[G1,E1]", "--set", "elevation_mask_deg=25", "--set", &set];
+        kurs(&[&["solve", &config, "--out", &out], &keys[..]].concat())?;
         let rows = Rows::read(&folder.file("solved/attitude.csv"))?;
         println!("{constraint}: {} of {} epochs fixed", rows.fixed().len(), rows.rows.len());
     }

@@ -212,6 +212,7 @@ impl Navigation {
     /// Position (n, 3), m, velocity (n, 3), m/s, both in rotating ECEF axes, clock (n,), s, at GPS instants (n,).
     ///
     /// `times` are int64 nanoseconds since 1970. NaN where there is no ephemeris for the instant.
+    #[allow(clippy::type_complexity)] // three arrays
     fn state_at<'py>(
         &self,
         py: Python<'py>,

@@ -42,6 +42,7 @@ fn vector<'py>(py: Python<'py>, of: &Vector3<f64>) -> Bound<'py, PyArray1<f64>> 
 /// "information_condition", "smallest_information", "trace_of_covariance".
 #[pyfunction]
 #[pyo3(signature = (positions_m, *, graph="tree", criterion="trace_of_covariance", seed=1))]
+#[allow(clippy::type_complexity)] // pairs and two numbers
 pub(crate) fn select(
     py: Python<'_>,
     positions_m: Numbers<'_>,
@@ -137,6 +138,7 @@ pub(crate) fn six_position<'py>(
 
 /// Rests in samples_mps2 (n, 3): list of (first, behind the last), mean readings (k, 3); `step_s` between samples.
 #[pyfunction]
+#[allow(clippy::type_complexity)] // ranges and an array
 pub(crate) fn rests<'py>(
     py: Python<'py>,
     samples_mps2: Numbers<'py>,

@@ -6,6 +6,7 @@ import csv
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -67,12 +68,9 @@ def solve_session(manifest: Path, out: Path, entry: dict[str, str], arguments: S
 
 
 def _call(manifest: Path, out: Path, arguments: Sequence[str]) -> None:
-    try:
-        if run_command("batch", manifest, "--out", out, *arguments) == 130:
-            raise KeyboardInterrupt
-    except InputError:
-        # Told by the status of the sessions.
-        pass
+    # What fails is told by the status of the sessions.
+    with suppress(InputError):
+        run_command("batch", manifest, "--out", out, *arguments)
 
 
 def _entries(manifest: Path) -> list[dict[str, str]]:
