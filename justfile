@@ -18,6 +18,10 @@ docs:
 test:
     cargo test --workspace
 
+# the Python module: wheel, fresh environment, tests
+python:
+    tests/python/run
+
 # accuracy and speed on the recordings, beside RTKLIB (Debian package rtklib)
 compare runs="5":
     cargo build --release

@@ -39,6 +39,11 @@ fn percent(text: &str) -> Result<f64, String> {
 }
 
 impl RequiredFix {
+    /// Nothing needs to be fixed.
+    pub(crate) const fn none() -> Self {
+        Self { percent: Some(0.0) }
+    }
+
     /// The exit status of a run whose outputs are complete; says what is missing.
     pub(crate) fn exit_code(self, summary: &Summary) -> ExitCode {
         let found = 100.0 * summary.fixed_of_session().unwrap_or(0.0);
@@ -60,7 +65,7 @@ impl RequiredFix {
 pub(crate) struct UsageError(pub(crate) String);
 
 /// The error with its causes; a cause that the text before already tells is not repeated.
-fn told(error: &anyhow::Error) -> String {
+pub(crate) fn told(error: &anyhow::Error) -> String {
     error.chain().fold(String::new(), |text, cause| {
         let cause = cause.to_string();
         match (text.is_empty(), text.contains(&cause)) {

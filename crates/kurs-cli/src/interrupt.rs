@@ -2,7 +2,6 @@
 //! the next epoch with a valid result of what there is; any other run stops at once and leaves no file
 //! behind that is not whole.
 
-use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::failure::ExitCode;
@@ -44,28 +43,33 @@ fn arrived() {
     std::process::exit(i32::from(INTERRUPTED));
 }
 
+/// Asks every run that watches for its end, as the first signal does; `false` takes it back.
+pub(crate) fn ask_to_end(is_wanted: bool) {
+    IS_WANTED.store(is_wanted, Ordering::SeqCst);
+}
+
 /// While it lives, the first signal does not stop the program but is to be asked for.
 #[derive(Debug)]
 pub(crate) struct Watch {
-    was_told: Cell<bool>,
+    was_told: AtomicBool,
 }
 
 impl Watch {
     pub(crate) fn begin() -> Self {
         WATCHING.fetch_add(1, Ordering::SeqCst);
-        Self { was_told: Cell::new(false) }
+        Self { was_told: AtomicBool::new(false) }
     }
 
     /// Whether the run is to end here.
     pub(crate) fn asks_to_end(&self) -> bool {
         let is_wanted = IS_WANTED.load(Ordering::Relaxed);
-        self.was_told.set(self.was_told.get() || is_wanted);
+        self.was_told.fetch_or(is_wanted, Ordering::Relaxed);
         is_wanted
     }
 
     /// Whether the run was told to end; what comes after its last epoch does not interrupt it.
     pub(crate) fn was_interrupted(&self) -> bool {
-        self.was_told.get()
+        self.was_told.load(Ordering::Relaxed)
     }
 
     /// The exit status of the run: `done`, unless it was interrupted.

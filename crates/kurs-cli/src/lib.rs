@@ -1,9 +1,10 @@
-//! The program `kurs` as a library with one function, [`run`]: one file per subcommand, and what they share: configuration files
-//! (`config_file`), outputs that are never half written (`output`) and exit statuses
-//! (`failure`).
+//! The program `kurs` as a library: [`run`] is the program, [`embedded`] what other programs call. One file per subcommand,
+//! and what they share: configuration files (`config_file`), outputs that are never half written (`output`) and exit
+//! statuses (`failure`).
 
 #![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
 
+mod batch;
 mod calibrate;
 mod chart;
 mod completions;
@@ -11,6 +12,7 @@ mod config_file;
 mod copies;
 mod demo;
 mod doctor;
+pub mod embedded;
 mod failure;
 mod fuse;
 mod init;
@@ -57,6 +59,7 @@ struct Cli {
 enum Command {
     Solve(Box<solve::Args>),
     Live(live::Args),
+    Batch(batch::Args),
     Init(init::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
@@ -94,6 +97,7 @@ impl Command {
         match self {
             Self::Solve(args) => solve::run(&args),
             Self::Live(args) => live::run(&args),
+            Self::Batch(args) => batch::run(&args),
             Self::Init(args) => init::run(&args),
             Self::Simulate(args) => simulate::run(&args),
             Self::Demo(args) => demo::run(&args),

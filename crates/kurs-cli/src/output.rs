@@ -15,6 +15,9 @@ use crate::failure::UsageError;
 /// A hidden folder in which a run makes its files: this, and the number of the process.
 const STAGING: &str = ".kurs.part";
 
+/// The file of a run that is given its place last.
+pub(crate) const SUMMARY: &str = "summary.json";
+
 /// Files and folders that are there only while they are made.
 static TEMPORARIES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
@@ -137,8 +140,14 @@ impl OutputFolder {
 
     /// Gives all files their places.
     pub(crate) fn publish(self) -> anyhow::Result<()> {
+        let mut names = Vec::new();
         for entry in fs::read_dir(self.path())? {
-            let (made, target) = entry.map(|e| (e.path(), self.target.join(e.file_name())))?;
+            names.push(entry?.file_name());
+        }
+        // Where the summary is, everything is.
+        names.sort_by_key(|name| (name == SUMMARY, name.clone()));
+        for name in names {
+            let (made, target) = (self.path().join(&name), self.target.join(&name));
             fs::rename(&made, &target)
                 .with_context(|| format!("{}: cannot be written", target.display()))?;
         }

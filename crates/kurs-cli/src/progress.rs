@@ -47,19 +47,25 @@ enum Kind {
     Lines { last: Instant },
 }
 
-impl Progress {
-    /// Starts it.
-    pub(crate) fn start(quiet: bool, work: Work) -> Self {
-        let kind = if quiet {
-            Kind::Quiet
+impl Kind {
+    fn new(quiet: bool) -> Self {
+        if quiet {
+            Self::Quiet
         } else if std::io::stderr().is_terminal() {
             let bar = ProgressBar::new(PARTS);
             let style = ProgressStyle::with_template("{bar:24} {msg}");
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            Kind::Bar(bar)
+            Self::Bar(bar)
         } else {
-            Kind::Lines { last: Instant::now() }
-        };
+            Self::Lines { last: Instant::now() }
+        }
+    }
+}
+
+impl Progress {
+    /// Starts it.
+    pub(crate) fn start(quiet: bool, work: Work) -> Self {
+        let kind = Kind::new(quiet);
         Self { kind, work, started: Instant::now(), epochs: 0, counted: 0 }
     }
 
@@ -75,9 +81,8 @@ impl Progress {
             Kind::Quiet => {}
             Kind::Bar(bar) => {
                 let share = share();
-                bar.set_message(text(self.work, self.epochs, self.counted, share, elapsed_s));
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 1000
-                bar.set_position((share.unwrap_or(0.0) * PARTS as f64) as u64);
+                let text = text(self.work, self.epochs, self.counted, share, elapsed_s);
+                show(bar, share.unwrap_or(0.0), text);
             }
             Kind::Lines { last } if last.elapsed() >= LINE_EVERY => {
                 *last = Instant::now();
@@ -94,6 +99,61 @@ impl Progress {
         }
         self.started.elapsed().as_secs_f64()
     }
+}
+
+/// Progress of a run over tasks that are counted.
+pub(crate) struct Tasks {
+    kind: Kind,
+    name: &'static str,
+    started: Instant,
+    all: usize,
+    done: usize,
+    failed: usize,
+}
+
+impl Tasks {
+    /// Starts it.
+    pub(crate) fn start(quiet: bool, name: &'static str, all: usize) -> Self {
+        Self { kind: Kind::new(quiet), name, started: Instant::now(), all, done: 0, failed: 0 }
+    }
+
+    /// One more task.
+    pub(crate) fn done(&mut self, has_failed: bool) {
+        self.done += 1;
+        self.failed += usize::from(has_failed);
+        let share = self.done as f64 / self.all.max(1) as f64;
+        let left_s = self.started.elapsed().as_secs_f64() * (1.0 - share) / share;
+        let text = format!(
+            "{} of {} {}, {} without a fix, {} left",
+            self.done,
+            self.all,
+            self.name,
+            self.failed,
+            duration(left_s)
+        );
+        match &mut self.kind {
+            Kind::Quiet => {}
+            Kind::Bar(bar) => show(bar, share, text),
+            Kind::Lines { last } if last.elapsed() >= LINE_EVERY => {
+                *last = Instant::now();
+                eprintln!("{text}");
+            }
+            Kind::Lines { .. } => {}
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(self) {
+        if let Kind::Bar(bar) = &self.kind {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn show(bar: &ProgressBar, share: f64, text: String) {
+    bar.set_message(text);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 1000
+    bar.set_position((share * PARTS as f64) as u64);
 }
 
 /// `42 %, 1200 epochs solved, 300 epochs/s, 99.1 % fixed, 2 min left`

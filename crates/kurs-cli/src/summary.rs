@@ -83,6 +83,13 @@ struct Moment {
     std: f64,
 }
 
+/// What stands in a summary for the text of a configuration and its inputs.
+pub(crate) fn configuration_hash(configuration: &str) -> String {
+    let mut hasher = DefaultHasher::new();
+    configuration.hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
+}
+
 /// The file as written.
 #[derive(Debug, Serialize)]
 pub(crate) struct SummaryFile<'a> {
@@ -269,12 +276,10 @@ impl Summary {
         damage: &'a [Damage],
         wall_s: f64,
     ) -> SummaryFile<'a> {
-        let mut hasher = DefaultHasher::new();
-        configuration.hash(&mut hasher);
         let moments = self.moments();
         SummaryFile {
             version: env!("CARGO_PKG_VERSION"),
-            configuration_hash: format!("{:016x}", hasher.finish()),
+            configuration_hash: configuration_hash(configuration),
             epochs: self.epochs,
             fixed: self.fixed(),
             float: self.count(Status::Float),

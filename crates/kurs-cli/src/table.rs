@@ -79,6 +79,11 @@ impl Table<Vec<u8>> {
     pub(crate) fn into_text(self) -> Vec<u8> {
         self.file
     }
+
+    /// The rows since the last call.
+    pub(crate) fn take_text(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.file)
+    }
 }
 
 impl<W: Write> Table<W> {

@@ -10,6 +10,7 @@ use kurs::time::GpsTime;
 use kurs::turn_rate::{AngleRates, TurnRate, course_rad};
 use nalgebra::Matrix3;
 
+use crate::output::OutputFile;
 use crate::table::{Table, TableFormat};
 
 pub(crate) const ATTITUDE: &[&str] = &[
@@ -58,7 +59,7 @@ pub(crate) const ATTITUDE: &[&str] = &[
     "course_deg",
 ];
 
-const BASELINES: &[&str] = &[
+pub(crate) const BASELINES: &[&str] = &[
     "time_gpst",
     "gps_week",
     "tow_s",
@@ -77,7 +78,7 @@ const BASELINES: &[&str] = &[
     "cov_nu_m2",
 ];
 
-const POINTS: &[&str] = &[
+pub(crate) const POINTS: &[&str] = &[
     "time_gpst",
     "gps_week",
     "tow_s",
@@ -93,21 +94,21 @@ const POINTS: &[&str] = &[
 
 /// The table `attitude`, or one of another name with its columns.
 #[derive(Debug)]
-pub(crate) struct AttitudeTable {
-    table: Table,
+pub(crate) struct AttitudeTable<W = OutputFile> {
+    table: Table<W>,
     turn_rate: TurnRate,
 }
 
 /// The tables of one run, in one format.
 #[derive(Debug)]
-pub(crate) struct Tables {
+pub(crate) struct Tables<W = OutputFile> {
     antennas: Vec<String>,
     points: Vec<String>,
-    attitude_table: AttitudeTable,
-    baseline_table: Table,
-    point_table: Option<Table>,
+    attitude_table: AttitudeTable<W>,
+    baseline_table: Table<W>,
+    point_table: Option<Table<W>>,
     /// Antennas by code differences to a station.
-    antenna_table: Option<Table>,
+    antenna_table: Option<Table<W>>,
 }
 
 impl Tables {
@@ -173,6 +174,43 @@ impl Tables {
         self.antenna_table.as_mut().map_or(Ok(()), Table::flush)
     }
 
+    /// Gives the files their names.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.attitude_table.finish()?;
+        self.baseline_table.finish()?;
+        self.antenna_table.map_or(Ok(()), Table::finish)?;
+        self.point_table.map_or(Ok(()), Table::finish)
+    }
+}
+
+impl Tables<Vec<u8>> {
+    /// Tables without files: CSV without header lines.
+    pub(crate) fn in_memory(antennas: Vec<String>, points: Vec<String>) -> Self {
+        let table = |columns| Table::in_memory(TableFormat::Csv, columns);
+        Self {
+            attitude_table: AttitudeTable {
+                table: table(ATTITUDE),
+                turn_rate: TurnRate::default(),
+            },
+            baseline_table: table(BASELINES),
+            point_table: (!points.is_empty()).then(|| table(POINTS)),
+            antenna_table: None,
+            antennas,
+            points,
+        }
+    }
+
+    /// The rows of `attitude`, `baselines` and `points` since the last call.
+    pub(crate) fn take_text(&mut self) -> [Vec<u8>; 3] {
+        [
+            self.attitude_table.table.take_text(),
+            self.baseline_table.take_text(),
+            self.point_table.as_mut().map(Table::take_text).unwrap_or_default(),
+        ]
+    }
+}
+
+impl<W: Write> Tables<W> {
     /// Writes the rows of one epoch.
     pub(crate) fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
         let time = TimeColumns::new(row.time);
@@ -210,14 +248,6 @@ impl Tables {
             write_places(table, time, &row.by_code, &self.antennas, Status::Float)?;
         }
         Ok(())
-    }
-
-    /// Gives the files their names.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
-        self.attitude_table.finish()?;
-        self.baseline_table.finish()?;
-        self.antenna_table.map_or(Ok(()), Table::finish)?;
-        self.point_table.map_or(Ok(()), Table::finish)
     }
 }
 
@@ -258,15 +288,17 @@ impl AttitudeTable {
         Ok(Self { table: Table::append(directory, "attitude", ATTITUDE)?, turn_rate })
     }
 
+    /// Gives the file its name.
+    pub(crate) fn finish(self) -> anyhow::Result<()> {
+        self.table.finish()
+    }
+}
+
+impl<W: Write> AttitudeTable<W> {
     /// Writes the row of one epoch; they come in the order of time.
     pub(crate) fn write(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
         let rates = self.turn_rate.push(row);
         write_attitude(&mut self.table, time, row, &rates)
-    }
-
-    /// Gives the file its name.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
-        self.table.finish()
     }
 }
 

@@ -18,6 +18,7 @@ use crate::solve::antenna_names;
 use crate::solve::config::{self, Loaded, Overrides};
 use crate::summary::Summary;
 use day_tables::DayTables;
+pub(crate) use setup::navigation_files;
 
 /// Attitude from live streams: serial, TCP, UDP, NTRIP, recorded logs.
 #[derive(Debug, clap::Args)]

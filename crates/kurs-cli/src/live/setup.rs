@@ -110,7 +110,8 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
     Ok(inputs)
 }
 
-fn navigation_files(loaded: &Loaded) -> anyhow::Result<NavigationData> {
+/// Navigation data of the files that the configuration names.
+pub(crate) fn navigation_files(loaded: &Loaded) -> anyhow::Result<NavigationData> {
     let mut data = NavigationData::default();
     for file in &loaded.config.nav.files {
         let mut source = Source::open(loaded.path(file))?;

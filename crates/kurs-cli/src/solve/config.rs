@@ -329,6 +329,8 @@ pub(crate) struct Overrides<'a> {
     pub(crate) found: Option<&'a FoundFiles>,
     /// `NAME=OBS[#ID][@X,Y,Z]`
     pub(crate) antennas: &'a [String],
+    /// Files in place of those of an antenna of the file.
+    pub(crate) observations: &'a [(String, Vec<PathBuf>)],
     /// Navigation files.
     pub(crate) nav: &'a [PathBuf],
     /// `key=value`
@@ -374,6 +376,9 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
         let antennas = antennas.into_iter().map(|(antenna, _)| toml::Value::Table(antenna));
         table.insert("antenna".into(), toml::Value::Array(antennas.collect()));
     }
+    for (name, files) in overrides.observations {
+        set_observations(&mut table, name, files, &mut origins)?;
+    }
     set_files(&mut table, "nav", overrides.nav, "--nav", &mut origins);
     for assignment in overrides.set {
         let set_key = config_file::set(&mut table, assignment, "solve")?;
@@ -408,6 +413,32 @@ fn set_files(
         inner.insert("files".into(), files);
         origins.set(&format!("{name}.files"), origin);
     }
+}
+
+/// Puts files in place of the `obs` of an antenna.
+fn set_observations(
+    table: &mut toml::Table,
+    name: &str,
+    files: &[PathBuf],
+    origins: &mut Origins,
+) -> Result<(), UsageError> {
+    let mut antennas: Vec<&mut toml::Table> = match table.get_mut("antenna") {
+        Some(toml::Value::Array(antennas)) => {
+            antennas.iter_mut().filter_map(toml::Value::as_table_mut).collect()
+        }
+        _ => Vec::new(),
+    };
+    let is_named = |antenna: &&mut toml::Table| {
+        antenna.get("name").and_then(toml::Value::as_str) == Some(name)
+    };
+    let Some(index) = antennas.iter().position(is_named) else {
+        let text = format!("obs:{name}: the configuration has no antenna `{name}`");
+        return Err(UsageError(text));
+    };
+    let files = toml::Value::Array(files.iter().map(|path| absolute(path)).collect());
+    antennas[index].insert("obs".into(), files);
+    origins.set(&format!("antenna.{index}.obs"), "manifest");
+    Ok(())
 }
 
 /// An antenna of files whose content tells.

@@ -4,6 +4,7 @@ mod backward;
 pub(crate) mod config;
 mod explain;
 pub(crate) mod found_files;
+mod identity;
 pub(crate) mod input;
 mod nmea;
 mod origins;
@@ -26,6 +27,7 @@ use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason, Status};
 use kurs_formats::nmea::Profile;
 
+use crate::batch::FAILURE;
 use crate::copies::Copies;
 use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
@@ -45,6 +47,7 @@ use streams::Streams;
 
 /// What a run may leave in its folder.
 const OUTPUTS: &[&str] = &[
+    FAILURE,
     "attitude.csv",
     "attitude.jsonl",
     "attitude.nmea",
@@ -95,6 +98,21 @@ pub(crate) struct Args {
 }
 
 impl Args {
+    /// Solves a session of a manifest, whose status its caller tells.
+    pub(crate) fn of_batch(session: SessionArgs, out: PathBuf, format: Vec<Format>) -> Self {
+        Self {
+            session,
+            out,
+            format,
+            report: false,
+            truth: None,
+            json: false,
+            explain: None,
+            required_fix: RequiredFix::none(),
+            quiet: true,
+        }
+    }
+
     /// Solves what was simulated, lays it against the truth and writes the report.
     pub(crate) fn of_simulation(
         config: PathBuf,
@@ -119,7 +137,7 @@ impl Args {
 
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Format {
+pub(crate) enum Format {
     /// attitude.csv, baselines.csv, points.csv
     Csv,
     /// The same rows as JSON lines.
@@ -138,7 +156,7 @@ enum Format {
 
 impl Format {
     /// The file with the rows of the attitude.
-    const fn rows(self) -> &'static str {
+    pub(crate) const fn rows(self) -> &'static str {
         match self {
             Self::Csv => "attitude.csv",
             Self::Jsonl => "attitude.jsonl",
@@ -159,6 +177,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
+    let identity = session.identity()?;
     let destination = Destination::of(&args.out)?;
     let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
     let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
@@ -210,7 +229,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     outputs.finish()?;
     review.write(folder.path(), &session, &summary)?;
-    let file = summary.file(loaded.text(), &damage, wall_s);
+    let file = summary.file(&identity, &damage, wall_s);
     output::write_json(folder.path(), "summary.json", &file)?;
     folder.publish()?;
 
@@ -229,6 +248,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     bail!("{}", why_nothing(&summary, &streams, capable));
+}
+
+/// Removes what a run left in its folder.
+pub(crate) fn remove_result(folder: &Path) -> anyhow::Result<()> {
+    if folder.exists() {
+        drop(OutputFolder::begin(folder, OUTPUTS, &[])?);
+    }
+    Ok(())
 }
 
 /// The engine of a configuration, beside its station if it has one.

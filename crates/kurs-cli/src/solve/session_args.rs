@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use super::config::{self, Loaded, Overrides};
 use super::found_files::FoundFiles;
+use super::identity;
 use crate::failure::UsageError;
 use crate::pipe::InputFile;
 use crate::window::Window;
 
 /// The arguments.
-#[derive(Debug, Default, clap::Args)]
+#[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct SessionArgs {
     /// Configuration file (TOML); or observation, navigation, orbit (SP3) and antenna (ANTEX) files in any
     /// order, `-` for standard input: their content tells what they are.
@@ -27,6 +28,9 @@ pub(crate) struct SessionArgs {
     set: Vec<String>,
     #[command(flatten)]
     window: Window,
+    /// Of a manifest: files in place of those that the configuration names for an antenna.
+    #[arg(skip)]
+    observations: Vec<(String, Vec<PathBuf>)>,
 }
 
 /// A configuration in force and the files that it came from.
@@ -42,6 +46,16 @@ impl SessionArgs {
     /// Of one configuration file.
     pub(crate) fn of_configuration(file: PathBuf) -> Self {
         Self { files: vec![file], ..Self::default() }
+    }
+
+    /// Of a row of a manifest.
+    pub(crate) fn of_manifest(
+        files: Vec<PathBuf>,
+        nav: Vec<PathBuf>,
+        observations: Vec<(String, Vec<PathBuf>)>,
+        set: Vec<String>,
+    ) -> Self {
+        Self { files, nav, observations, set, ..Self::default() }
     }
 
     /// Sorts the files and reads the configuration.
@@ -61,6 +75,7 @@ impl SessionArgs {
         let overrides = Overrides {
             found: Some(&found),
             antennas: &self.antenna,
+            observations: &self.observations,
             nav: &[],
             set: &self.set,
             window: self.window,
@@ -73,6 +88,11 @@ impl SessionArgs {
 }
 
 impl Session {
+    /// The text that stands for the keys in force, the program and the contents of all inputs.
+    pub(crate) fn identity(&self) -> anyhow::Result<String> {
+        identity::of(&self.loaded)
+    }
+
     /// Every file that is read.
     pub(crate) fn inputs(&self) -> Vec<PathBuf> {
         self.loaded.inputs(self.file.as_deref().map(Path::new))

@@ -506,3 +506,78 @@ fn the_same_flags_everywhere() {
             .unwrap();
     assert_eq!(solved, json(folder.path(), "kurs-out/solve/summary.json"));
 }
+
+/// A manifest with two good sessions and one whose configuration is not there, in a folder of its own.
+fn archive() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let config = session().join("kurs.toml").display().to_string();
+    let rows = format!(
+        "label,config,obs:bow,set\n# a comment\nday 1,{config},,\nday 2,{config},,bands=[G1]\nday 3,absent.toml,,\n"
+    );
+    fs::write(folder.path().join("m.csv"), rows).unwrap();
+    folder
+}
+
+fn modified(path: &Path) -> std::time::SystemTime {
+    fs::metadata(path).unwrap().modified().unwrap()
+}
+
+#[test]
+fn a_batch_solves_each_session_once_and_counts_the_failed() {
+    let folder = archive();
+    let folder = folder.path();
+    let output = ran(folder, &["batch", "m.csv", "--out", "out"]);
+    assert_eq!(output.status.code(), Some(3));
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        said.starts_with(
+            "2 of 3 sessions done, 0 with nothing fixed, 1 failed\nfirst failure: day 3: "
+        ),
+        "{said}"
+    );
+    let status = fs::read_to_string(folder.join("out/manifest-status.csv")).unwrap();
+    let lines: Vec<&str> = status.lines().collect();
+    assert_eq!(lines[0], "label,status,reason,configuration_hash,epochs,fixed,wall_s");
+    assert!(
+        lines[1].starts_with("day 1,done,,") && lines[3].starts_with("day 3,failed,"),
+        "{status}"
+    );
+    assert!(folder.join("out/session=day%203/failure.json").exists());
+
+    // The rows are those of `kurs solve`, and what is done stays.
+    let rows = folder.join("out/session=day%201/attitude.csv");
+    run(session(), &["solve", "kurs.toml", "--out", folder.join("alone").to_str().unwrap()]);
+    assert_eq!(fs::read(&rows).unwrap(), fs::read(folder.join("alone/attitude.csv")).unwrap());
+    let before = modified(&rows);
+    ran(folder, &["batch", "m.csv", "--out", "out", "-q"]);
+    assert_eq!(modified(&rows), before);
+    ran(folder, &["batch", "m.csv", "--out", "out", "-q", "--set", "elevation_mask_deg=15"]);
+    assert_ne!(modified(&rows), before);
+}
+
+#[test]
+fn parts_of_a_batch_are_merged_as_often_as_wanted() {
+    let folder = archive();
+    let folder = folder.path();
+    run(folder, &["batch", "m.csv", "--out", "out", "--shard", "0/3", "-q"]);
+    assert!(!folder.join("out/manifest-status.csv").exists());
+    let merge = || ran(folder, &["batch", "m.csv", "--out", "out", "--merge", "--json"]);
+    let counts: Value = serde_json::from_slice(&merge().stdout).unwrap();
+    assert_eq!((counts["done"].as_u64(), counts["missing"].as_u64()), (Some(1), Some(2)));
+    run(folder, &["batch", "m.csv", "--out", "out", "--session", "day 2", "-q"]);
+    assert_eq!(
+        ran(folder, &["batch", "m.csv", "--out", "out", "--shard", "2/3"]).status.code(),
+        Some(1)
+    );
+    let once = merge();
+    let counts: Value = serde_json::from_slice(&once.stdout).unwrap();
+    assert_eq!((counts["done"].as_u64(), counts["failed"].as_u64()), (Some(2), Some(1)));
+    let status = fs::read(folder.join("out/manifest-status.csv")).unwrap();
+    assert_eq!((merge().stdout, merge().status.code()), (once.stdout, Some(3)));
+    assert_eq!(fs::read(folder.join("out/manifest-status.csv")).unwrap(), status);
+
+    for wrong in [&["--shard", "3/3"][..], &["--session", "day 9"], &["--jobs", "0"]] {
+        let arguments = [&["batch", "m.csv", "--out", "out"], wrong].concat();
+        assert_eq!(ran(folder, &arguments).status.code(), Some(2), "{wrong:?}");
+    }
+}

@@ -105,6 +105,40 @@ pub struct MixedFloat {
 }
 
 impl MixedFloat {
+    /// From the joint covariance, with `Q_x` in place of `Q_x|a`.
+    ///
+    /// # Errors
+    ///
+    /// [`AmbiguityError::Dimension`] and [`AmbiguityError::NotPositiveDefinite`].
+    pub fn of_joint(
+        ambiguities: DVector<f64>,
+        ambiguity_covariance: DMatrix<f64>,
+        reals_m: DVector<f64>,
+        real_covariance_m2: DMatrix<f64>,
+        cross_covariance: DMatrix<f64>,
+    ) -> Result<Self, AmbiguityError> {
+        let mut joint = Self {
+            ambiguities,
+            ambiguity_covariance,
+            conditional_covariance_m2: real_covariance_m2,
+            cross_covariance,
+            reals_m,
+        };
+        let n = joint.checked_dimension(joint.reals_m.len())?;
+        let found = joint.ambiguity_covariance.nrows();
+        if found != n || joint.ambiguity_covariance.ncols() != n {
+            let what = "the covariance of the ambiguities";
+            return Err(AmbiguityError::Dimension { what, found, expected: n });
+        }
+        let Some(factor) = joint.ambiguity_covariance.clone().cholesky() else {
+            return Err(AmbiguityError::NotPositiveDefinite { index: 0, variance: f64::NAN });
+        };
+        // Q_x|a = Q_x − Q_xa Q_a⁻¹ Q_xaᵀ
+        let gains = factor.solve(&joint.cross_covariance.transpose());
+        joint.conditional_covariance_m2 -= &joint.cross_covariance * gains;
+        Ok(joint)
+    }
+
     /// Number of ambiguities `n`, after a check that all dimensions agree for `reals` values.
     fn checked_dimension(&self, reals: usize) -> Result<usize, AmbiguityError> {
         let n = self.ambiguities.len();

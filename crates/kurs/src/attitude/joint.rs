@@ -139,8 +139,12 @@ fn stacked<To>(baselines_m: &[Vector<To>]) -> DVector<f64> {
     DVector::from_vec(components)
 }
 
-/// Inverse of a covariance.
-fn weight_of(covariance_m2: &DMatrix<f64>) -> Result<DMatrix<f64>, AttitudeError> {
+/// The weight of stacked baselines: the inverse of their covariance (3k×3k, m²), per m².
+///
+/// # Errors
+///
+/// A covariance that is not square, not symmetric, or not positive definite.
+pub fn weight_of(covariance_m2: &DMatrix<f64>) -> Result<DMatrix<f64>, AttitudeError> {
     let what = "covariance of the baselines";
     if !covariance_m2.is_square() {
         let (expected, found) = covariance_m2.shape();

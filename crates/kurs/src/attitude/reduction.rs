@@ -16,6 +16,9 @@ use super::AttitudeError;
 use super::small::Factored;
 use super::weighted::AttitudeProblem;
 
+/// Relative difference between a covariance and its transpose that passes as rounding.
+const SYMMETRY: f64 = 1e-9;
+
 /// How the errors of different baselines belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BaselineWeight {
@@ -24,6 +27,54 @@ pub enum BaselineWeight {
     /// `C = 2 (I − 11ᵀ/m)`: all single differences share the noise of antenna 0, as they do when
     /// equal antennas are differenced. The result does not depend on which antenna is the first.
     SharedAntenna,
+}
+
+impl BaselineWeight {
+    /// `C` of `baselines` baselines.
+    fn between(self, baselines: usize) -> impl Fn(usize, usize) -> f64 {
+        move |i, j| {
+            let same = f64::from(u8::from(i == j));
+            match self {
+                Self::Independent => same,
+                Self::SharedAntenna => 2.0 * (same - 1.0 / (baselines as f64 + 1.0)),
+            }
+        }
+    }
+}
+
+impl AttitudeProblem {
+    /// The problem of baselines `body` (m, body axes) that were measured as `measured` (m, outside frame),
+    /// each with the same `covariance_m2` (outside frame).
+    ///
+    /// # Errors
+    ///
+    /// Counts that do not belong together, numbers that are not finite, and a covariance that is not
+    /// symmetric or not positive definite.
+    pub fn of_baselines(
+        body: &[Vector3<f64>],
+        measured: &[Vector3<f64>],
+        covariance_m2: &Matrix3<f64>,
+        weight: BaselineWeight,
+    ) -> Result<Self, AttitudeError> {
+        let what = "covariance of a baseline";
+        let (expected, found) = (body.len(), measured.len());
+        if found != expected {
+            return Err(AttitudeError::Shape { what: "measured baselines", expected, found });
+        }
+        let difference = (covariance_m2 - covariance_m2.transpose()).amax();
+        if difference > SYMMETRY * covariance_m2.amax() {
+            return Err(AttitudeError::NotSymmetric { what, difference });
+        }
+        let Some(factor) = covariance_m2.cholesky() else {
+            return Err(AttitudeError::Indefinite { what });
+        };
+        let normal = factor.inverse();
+        if measured.iter().flatten().chain(&normal).any(|number| !number.is_finite()) {
+            return Err(AttitudeError::NotFinite { what: "baseline" });
+        }
+        let moments: Vec<_> = measured.iter().map(|baseline| normal * baseline).collect();
+        Ok(Self::separable(normal, &moments, body, weight.between(found)))
+    }
 }
 
 /// Phases of `k` baselines after elimination of the clocks.
@@ -144,13 +195,7 @@ impl PhaseNormal {
         if found != expected {
             return Err(AttitudeError::Shape { what: "body baselines", expected, found });
         }
-        let c = |i: usize, j: usize| match weight {
-            BaselineWeight::Independent => f64::from(u8::from(i == j)),
-            BaselineWeight::SharedAntenna => {
-                2.0 * (f64::from(u8::from(i == j)) - 1.0 / (found as f64 + 1.0))
-            }
-        };
-        Ok(AttitudeProblem::separable(self.normal, &self.moments, body, c))
+        Ok(AttitudeProblem::separable(self.normal, &self.moments, body, weight.between(found)))
     }
 
     /// `L* = N⁻¹ b`: each baseline on its own, m. `None` where the satellites do not determine one.

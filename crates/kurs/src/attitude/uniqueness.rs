@@ -56,7 +56,16 @@ impl Uniqueness {
     /// Whether another minimum costs less than `cost_gap` more, so that the attitude is open.
     #[must_use]
     pub fn is_ambiguous(&self, cost_gap: f64) -> bool {
-        matches!(self, Self::SecondMinimum { cost_gap: found, .. } if *found < cost_gap)
+        self.cost_gap().is_some_and(|found| found < cost_gap)
+    }
+
+    /// How much more the next local minimum costs; `None` where none was found.
+    #[must_use]
+    pub fn cost_gap(&self) -> Option<f64> {
+        match self {
+            Self::SecondMinimum { cost_gap, .. } => Some(*cost_gap),
+            Self::Certified { .. } | Self::OnlyMinimum => None,
+        }
     }
 }
 

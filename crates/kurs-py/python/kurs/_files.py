@@ -1,0 +1,104 @@
+"""Observation and navigation files as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kurs import _native
+from kurs._table import Table
+
+#: One path or several.
+Paths = str | PathLike[str] | Sequence[str | PathLike[str]]
+
+_ALWAYS = (np.iinfo(np.int64).min, np.iinfo(np.int64).max)
+#: Letters of georinex's variables and their columns.
+_KINDS = {"C": "pseudorange_m", "L": "phase_cycles", "D": "doppler_hz", "S": "cn0_dbhz"}
+
+
+def paths(given: Paths) -> list[str]:
+    """Paths as a list of texts."""
+    return [str(given)] if isinstance(given, (str, PathLike)) else [str(path) for path in given]
+
+
+def _nanoseconds(instant: Any) -> int:
+    return int(np.datetime64(instant, "ns").astype(np.int64))
+
+
+class Observations(Table):
+    """A row for every epoch, satellite and signal.
+
+    time_gpst, satellite ("G05"), signal ("G1C"), pseudorange_m, phase_cycles (grows with the distance), doppler_hz (positive
+    when approaching), cn0_dbhz, lock (RINEX digit).
+    """
+
+    def to_xarray(self) -> Any:
+        """The same as xarray.Dataset: variables (time, sv) by RINEX code ("C1C", "L1C", …), as georinex has them; NaN where there is none."""
+        xarray: Any = import_module("xarray")
+        times, time_index = np.unique(self["time_gpst"], return_inverse=True)
+        codes, satellites = self.words("satellite")
+        order = np.argsort(satellites)
+        place = np.empty(len(satellites), np.intp)
+        place[order] = np.arange(len(satellites))
+        signal_codes, signals = self.words("signal")
+        variables: dict[str, tuple[tuple[str, str], NDArray[np.float64]]] = {}
+        for number, signal in enumerate(signals):
+            rows = np.flatnonzero(signal_codes == number)
+            for letter, column in _KINDS.items():
+                values = self[column][rows]
+                there = ~np.isnan(values)
+                if there.any():
+                    shape = (len(times), len(satellites))
+                    _, grid = variables.setdefault(letter + signal[1:], (("time", "sv"), np.full(shape, np.nan)))
+                    grid[time_index[rows[there]], place[codes[rows[there]]]] = values[there]
+        coordinates = {"time": times, "sv": np.array(satellites)[order]}
+        return xarray.Dataset(variables, coords=coordinates)
+
+
+def read_obs(
+    path: Paths,
+    *,
+    systems: str | None = None,
+    signals: Sequence[str] | None = None,
+    time: tuple[Any, Any] | None = None,
+) -> Observations:
+    """Observations of one antenna (RINEX 2 to 4, CRINEX, UBX, RTCM 3, SBF, packed or not) as a long table.
+
+    `path`: one file or several in any order. `systems`: letters, "GE". `signals`: RINEX codes with the letter of the
+    system, or bands: ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes.
+    """
+    first, last = _ALWAYS if time is None else (_nanoseconds(time[0]), _nanoseconds(time[1]))
+    return Observations(_native.read_obs(paths(path), systems, None if signals is None else list(signals), (first, last)))
+
+
+class Navigation:
+    """Broadcast and precise ephemerides of navigation files."""
+
+    def __init__(self, native: _native.Navigation) -> None:
+        self.native = native
+
+    @property
+    def satellites(self) -> list[str]:
+        """Names of the satellites: ["C06", "E01", …]."""
+        return self.native.satellites
+
+    def state(
+        self, satellite: str, times: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Position (n, 3), m, velocity (n, 3), m/s, in rotating ECEF axes, and clock (n,), s, at GPS instants (n,).
+
+        `times`: datetime64, GPST, the instants of transmission. The clock is satellite minus system time with the
+        relativistic effect. NaN where no ephemeris is for an instant.
+        """
+        instants = np.atleast_1d(np.asarray(times, dtype="datetime64[ns]")).astype(np.int64)
+        return self.native.state_at(satellite, instants)
+
+
+def read_nav(files: Paths) -> Navigation:
+    """Ephemerides of navigation files together: RINEX, SP3, receiver logs."""
+    return Navigation(_native.read_nav(paths(files)))

@@ -1,0 +1,432 @@
+//! `kurs.attitude`: rotations from vectors, baselines and phases.
+
+use kurs::attitude::reduction::{BaselineWeight, SingleDifferences};
+use kurs::attitude::{
+    AttitudeError, AttitudeProblem, angles as of_angles, joint, three_point as published,
+    wahba as closed_form,
+};
+use kurs::frames::{self, Body, Ned, Rotation};
+use nalgebra::{DVector, Matrix3, Vector3};
+use numpy::{AllowTypeChange, PyArrayDyn, PyArrayLikeDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{self, Stack};
+use crate::errors::NoSolution;
+
+/// Whatever numpy makes an array of.
+type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// One rotation and what is known of it.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    local_from_body: Matrix3<f64>,
+    /// Of the rotation vector in body axes, rad².
+    covariance_rad2: Matrix3<f64>,
+    cost: f64,
+    /// How much more the next local minimum costs.
+    cost_gap: f64,
+}
+
+const UNKNOWN: f64 = f64::NAN;
+
+impl Found {
+    fn rotation(local_from_body: Matrix3<f64>) -> Self {
+        let covariance_rad2 = Matrix3::from_element(UNKNOWN);
+        Self { local_from_body, covariance_rad2, cost: UNKNOWN, cost_gap: UNKNOWN }
+    }
+
+    fn nothing() -> Self {
+        Self::rotation(Matrix3::from_element(UNKNOWN))
+    }
+
+    /// The global minimum of a problem.
+    fn minimum(problem: &AttitudeProblem) -> Result<Self, AttitudeError> {
+        let global = problem.global_minimum(0.0)?;
+        Ok(Self {
+            local_from_body: global.minimum.rotation,
+            covariance_rad2: global.minimum.covariance()?,
+            cost: global.minimum.cost,
+            cost_gap: global.uniqueness.cost_gap().unwrap_or(f64::INFINITY),
+        })
+    }
+
+    fn angles(&self) -> frames::Attitude {
+        frames::Attitude::from_ned_from_body(&Rotation::from_matrix(self.local_from_body))
+    }
+
+    /// Of heading, pitch and roll, rad².
+    fn angle_covariance_rad2(&self) -> Matrix3<f64> {
+        of_angles::angle_covariance(&self.angles(), &self.covariance_rad2)
+    }
+}
+
+/// Rotation `local_from_body` (one, or N of them with a leading dimension); covariance in body axes, rad².
+///
+/// Angles are those of a body with forward-right-down axes in north-east-down ones. An attribute makes
+/// its array anew each time.
+#[pyclass(frozen, module = "kurs.attitude")]
+#[derive(Debug)]
+pub(crate) struct Attitude {
+    found: Vec<Found>,
+    /// `None`: one rotation without a leading dimension.
+    count: Option<usize>,
+    errors: Vec<(usize, AttitudeError)>,
+}
+
+impl Attitude {
+    /// Solves all problems. One that has no solution is an exception if it is alone, else NaN with its
+    /// words in `errors`.
+    fn solve(
+        py: Python<'_>,
+        count: Option<usize>,
+        solve: impl Fn(usize) -> Result<Found, AttitudeError> + Sync + Send,
+    ) -> PyResult<Self> {
+        let results = arrays::solve_all(py, count, || (), |(), problem| solve(problem));
+        let mut errors = Vec::new();
+        let found = results.into_iter().enumerate().map(|(problem, result)| {
+            result.unwrap_or_else(|error| {
+                errors.push((problem, error));
+                Found::nothing()
+            })
+        });
+        let found = found.collect();
+        match errors.first() {
+            Some((_, error)) if count.is_none() => Err(NoSolution::new_err(error.to_string())),
+            _ => Ok(Self { found, count, errors }),
+        }
+    }
+
+    fn matrices<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&Found) -> Matrix3<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let rows = self.found.iter().flat_map(|f| rows_of(&of(f))).collect();
+        arrays::shaped(py, rows, self.count, &[3, 3])
+    }
+
+    fn degrees<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&Found) -> f64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.found.iter().map(|f| of(f).to_degrees()).collect();
+        arrays::numbers(py, values, self.count)
+    }
+
+    fn plain<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&Found) -> f64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        arrays::numbers(py, self.found.iter().map(of).collect(), self.count)
+    }
+}
+
+/// Row after row, as numpy has it.
+fn rows_of(matrix: &Matrix3<f64>) -> [f64; 9] {
+    matrix.transpose().as_slice().try_into().unwrap_or([UNKNOWN; 9])
+}
+
+#[pymethods]
+impl Attitude {
+    /// `local_from_body`, (3, 3) or (N, 3, 3): multiplies columns of body components.
+    #[getter]
+    fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        self.matrices(py, |f| f.local_from_body)
+    }
+
+    /// Unit quaternion of `local_from_body`, scalar first and not negative, (4,) or (N, 4).
+    #[getter]
+    fn quat_wxyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let quaternion =
+            |f: &Found| Rotation::<Ned, Body>::from_matrix(f.local_from_body).quaternion();
+        arrays::shaped(py, self.found.iter().flat_map(quaternion).collect(), self.count, &[4])
+    }
+
+    /// Covariance of the rotation vector in body axes, rad², (3, 3) or (N, 3, 3); NaN where unknown.
+    #[getter]
+    fn cov<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        self.matrices(py, |f| f.covariance_rad2)
+    }
+
+    /// Heading, clockwise from north, 0 to 360 degrees.
+    #[getter]
+    fn heading_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angles().heading_rad)
+    }
+
+    /// Pitch, nose up positive, degrees.
+    #[getter]
+    fn pitch_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angles().pitch_rad)
+    }
+
+    /// Roll, right side down positive, degrees.
+    #[getter]
+    fn roll_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angles().roll_rad)
+    }
+
+    /// Standard deviation of the heading, degrees.
+    #[getter]
+    fn heading_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angle_covariance_rad2()[(0, 0)].sqrt())
+    }
+
+    /// Standard deviation of the pitch, degrees.
+    #[getter]
+    fn pitch_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angle_covariance_rad2()[(1, 1)].sqrt())
+    }
+
+    /// Standard deviation of the roll, degrees.
+    #[getter]
+    fn roll_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.degrees(py, |f| f.angle_covariance_rad2()[(2, 2)].sqrt())
+    }
+
+    /// Weighted squares at the minimum, halved and without their constant; NaN where unknown.
+    #[getter]
+    fn cost<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.plain(py, |f| f.cost)
+    }
+
+    /// How much more the next local minimum costs: inf if none is near, NaN where unknown.
+    #[getter]
+    fn cost_gap<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.plain(py, |f| f.cost_gap)
+    }
+
+    /// Why problems have no solution, by their index; of one problem always empty.
+    #[getter]
+    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let errors = PyDict::new(py);
+        for (problem, error) in &self.errors {
+            errors.set_item(problem, error.to_string())?;
+        }
+        Ok(errors)
+    }
+
+    /// The same as `scipy.spatial.transform.Rotation`, which rotates body components into local ones.
+    fn to_scipy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let rotation = py.import("scipy.spatial.transform")?.getattr("Rotation")?;
+        rotation.call_method1("from_matrix", (self.matrix(py)?,))
+    }
+
+    /// N, or an exception for one rotation without a leading dimension.
+    fn __len__(&self) -> PyResult<usize> {
+        let text = "this is one attitude without a length";
+        self.count.ok_or_else(|| pyo3::exceptions::PyTypeError::new_err(text))
+    }
+
+    fn __repr__(&self) -> String {
+        match (self.count, self.found.as_slice()) {
+            (None, [one]) => {
+                let angles = one.angles();
+                let [heading, pitch, roll] =
+                    [angles.heading_rad, angles.pitch_rad, angles.roll_rad].map(f64::to_degrees);
+                format!(
+                    "Attitude(heading_deg={heading:.5}, pitch_deg={pitch:.5}, roll_deg={roll:.5})"
+                )
+            }
+            (_, many) => {
+                format!("Attitude({} rotations, {} errors)", many.len(), self.errors.len())
+            }
+        }
+    }
+}
+
+/// local_from_body that carries body (m, 3) onto local (m, 3) best, by Wahba's closed form.
+///
+/// Minimises the sum of `weights * |local - R body|²` over rotations R. Give (N, m, 3) for N problems at
+/// once. Weights (m,) are relative, so there is no covariance. Raises NoSolution for vectors on one line.
+#[pyfunction]
+#[pyo3(signature = (body, local, weights=None))]
+pub(crate) fn wahba(
+    py: Python<'_>,
+    body: Numbers<'_>,
+    local: Numbers<'_>,
+    weights: Option<Numbers<'_>>,
+) -> PyResult<Attitude> {
+    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
+    let weights = weights.as_ref().map(|w| Stack::new(w, 1, "weights")).transpose()?;
+    let equal = vec![1.0; body.shape()[0]];
+    let mut given = vec![("body", &body), ("local", &local)];
+    given.extend(weights.as_ref().map(|w| ("weights", w)));
+    Attitude::solve(py, arrays::count(&given)?, |problem| {
+        let weights = weights.as_ref().map_or(&equal[..], |w| w.at(problem));
+        closed_form::solve(&body.points(problem), &local.points(problem), weights)
+            .map(Found::rotation)
+    })
+}
+
+/// local_from_body from baselines body (k, 3) and local (k, 3), metres, of one antenna to the others.
+///
+/// `cov_m2` (3, 3): covariance of one baseline in local axes. With `shared_antenna` the baselines share the
+/// noise of their first antenna, as single differences do; without it each has errors of its own. Give
+/// (N, k, 3) for N problems at once. The global minimum by Newton's method, with covariance.
+#[pyfunction]
+#[pyo3(signature = (body, local, cov_m2, *, shared_antenna=true))]
+pub(crate) fn weighted(
+    py: Python<'_>,
+    body: Numbers<'_>,
+    local: Numbers<'_>,
+    cov_m2: Numbers<'_>,
+    shared_antenna: bool,
+) -> PyResult<Attitude> {
+    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
+    let covariance = Stack::of_square(&cov_m2, 3, "cov_m2")?;
+    let given = [("body", &body), ("local", &local), ("cov_m2", &covariance)];
+    Attitude::solve(py, arrays::count(&given)?, |problem| {
+        let (body, local) = (body.points(problem), local.points(problem));
+        let covariance = covariance.matrix3(problem);
+        Found::minimum(&AttitudeProblem::of_baselines(
+            &body,
+            &local,
+            &covariance,
+            weight(shared_antenna),
+        )?)
+    })
+}
+
+/// local_from_body from baselines body (k, 3) and local (k, 3), metres, with a full covariance (3k, 3k).
+///
+/// `cov_m2` is in local axes, baseline after baseline. Give (N, k, 3) for N problems at once. The global
+/// minimum by Newton's method, with covariance; raises NoSolution for antennas on one line.
+#[pyfunction]
+pub(crate) fn general(
+    py: Python<'_>,
+    body: Numbers<'_>,
+    local: Numbers<'_>,
+    cov_m2: Numbers<'_>,
+) -> PyResult<Attitude> {
+    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
+    let covariance = Stack::of_square(&cov_m2, 3 * body.shape()[0], "cov_m2")?;
+    let given = [("body", &body), ("local", &local), ("cov_m2", &covariance)];
+    Attitude::solve(py, arrays::count(&given)?, |problem| {
+        let weight = joint::weight_of(&covariance.matrix(problem))?;
+        let measured = DVector::from_column_slice(local.at(problem));
+        Found::minimum(&joint::problem(&body.points(problem), &measured, &weight)?)
+    })
+}
+
+/// local_from_body from single-difference phases (k, r), metres, of baselines body (k, 3).
+///
+/// `los` (s, 3): unit vectors to the satellites in local axes. `sigma_m` (r,): standard deviations, all
+/// satellites of the first band, then of the second, and so on. The clocks are eliminated. Give a leading
+/// dimension for N problems at once.
+#[pyfunction]
+#[pyo3(signature = (body, los, sigma_m, phases_m, *, shared_antenna=true))]
+pub(crate) fn from_phases(
+    py: Python<'_>,
+    body: Numbers<'_>,
+    los: Numbers<'_>,
+    sigma_m: Numbers<'_>,
+    phases_m: Numbers<'_>,
+    shared_antenna: bool,
+) -> PyResult<Attitude> {
+    let (body, los) = (Stack::of_points(&body, "body")?, Stack::of_points(&los, "los")?);
+    let sigma = Stack::new(&sigma_m, 1, "sigma_m")?;
+    let phases = Stack::new(&phases_m, 2, "phases_m")?;
+    let given = [("body", &body), ("los", &los), ("sigma_m", &sigma), ("phases_m", &phases)];
+    Attitude::solve(py, arrays::count(&given)?, |problem| {
+        let differences = SingleDifferences {
+            lines_of_sight: &los.points(problem),
+            sigma_m: sigma.at(problem),
+            phases_m: phases.at(problem),
+        };
+        let normal = differences.reduce()?;
+        Found::minimum(&normal.problem(&body.points(problem), weight(shared_antenna))?)
+    })
+}
+
+fn weight(shared_antenna: bool) -> BaselineWeight {
+    if shared_antenna { BaselineWeight::SharedAntenna } else { BaselineWeight::Independent }
+}
+
+/// local_from_body from three points body (3, 3) and local (3, 3), a row each, by the published closed form.
+///
+/// The triangle must be acute (NoSolution otherwise). Give (N, 3, 3) for N problems at once. No covariance.
+#[pyfunction]
+pub(crate) fn three_point(
+    py: Python<'_>,
+    body: Numbers<'_>,
+    local: Numbers<'_>,
+) -> PyResult<Attitude> {
+    let (body, local) =
+        (Stack::of_square(&body, 3, "body")?, Stack::of_square(&local, 3, "local")?);
+    let points = |stack: &Stack<'_>, problem| -> [Vector3<f64>; 3] {
+        let rows = stack.matrix3(problem);
+        [0, 1, 2].map(|row| rows.row(row).transpose())
+    };
+    let count = arrays::count(&[("body", &body), ("local", &local)])?;
+    Attitude::solve(py, count, |problem| {
+        published::attitude(&points(&body, problem), &points(&local, problem)).map(Found::rotation)
+    })
+}
+
+/// first_from_second: the attitude of a second body in the axes of a first one, both known in one local frame.
+///
+/// The covariance is in the axes of the second body; errors of the two are taken for independent. Of N
+/// attitudes and N others, pair by pair; one stands for all of the other side.
+#[pyfunction]
+pub(crate) fn relative(
+    py: Python<'_>,
+    first: &Bound<'_, Attitude>,
+    second: &Bound<'_, Attitude>,
+) -> PyResult<Attitude> {
+    let (first, second) = (first.get(), second.get());
+    let count = match (first.count, second.count) {
+        (Some(one), Some(other)) if one != other => {
+            let text = format!("first is {one} attitudes, second is {other}");
+            return Err(pyo3::exceptions::PyValueError::new_err(text));
+        }
+        (one, other) => one.or(other),
+    };
+    let at = |side: &Attitude, problem: usize| {
+        let found = side.found[if side.count.is_none() { 0 } else { problem }];
+        (Rotation::<Ned, Body>::from_matrix(found.local_from_body), found.covariance_rad2)
+    };
+    Attitude::solve(py, count, |problem| {
+        let ((one, one_rad2), (other, other_rad2)) = (at(first, problem), at(second, problem));
+        let found = of_angles::relative_orientation((&one, &one_rad2), (&other, &other_rad2));
+        let rotation = Found::rotation(found.first_from_second.matrix());
+        Ok(Found { covariance_rad2: found.covariance_rad2, ..rotation })
+    })
+}
+
+/// Heading, pitch and roll of the rotation `matrix` (3, 3) = local_from_body, with `cov` (3, 3) in body axes, rad².
+///
+/// Give (N, 3, 3) for N rotations at once. Raises ValueError for a matrix that is no rotation.
+#[pyfunction]
+#[pyo3(signature = (matrix, cov=None))]
+pub(crate) fn angles(
+    py: Python<'_>,
+    matrix: Numbers<'_>,
+    cov: Option<Numbers<'_>>,
+) -> PyResult<Attitude> {
+    /// Of `RᵀR − I`: what rounding to five digits leaves.
+    const ORTHOGONALITY: f64 = 1e-4;
+    let matrices = Stack::of_square(&matrix, 3, "matrix")?;
+    let covariance = cov.as_ref().map(|cov| Stack::of_square(cov, 3, "cov")).transpose()?;
+    let mut given = vec![("matrix", &matrices)];
+    given.extend(covariance.as_ref().map(|cov| ("cov", cov)));
+    let count = arrays::count(&given)?;
+    for problem in 0..count.unwrap_or(1) {
+        let matrix = matrices.matrix3(problem);
+        let excess = (matrix.transpose() * matrix - Matrix3::identity()).norm();
+        // Also for NaN.
+        if !(excess < ORTHOGONALITY && matrix.determinant() > 0.0) {
+            let text = format!("matrix {problem} is no rotation: {matrix}");
+            return Err(pyo3::exceptions::PyValueError::new_err(text));
+        }
+    }
+    Attitude::solve(py, count, |problem| {
+        let rotation = Found::rotation(matrices.matrix3(problem));
+        let covariance_rad2 =
+            covariance.as_ref().map_or(rotation.covariance_rad2, |cov| cov.matrix3(problem));
+        Ok(Found { covariance_rad2, ..rotation })
+    })
+}

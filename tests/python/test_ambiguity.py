@@ -1,0 +1,102 @@
+"""Integer least squares against exhaustive search and numpy."""
+
+import itertools
+
+import kurs
+import numpy as np
+import pytest
+from kurs import ambiguity
+
+
+def problem(random, n=3):
+    root = random.normal(size=(n, n))
+    return random.normal(scale=5, size=n), 0.05 * root @ root.T + 0.01 * np.eye(n)
+
+
+def exhaustive(a, Q, reach=6):
+    inverse = np.linalg.inv(Q)
+    centre = np.round(a)
+    offsets = np.array(list(itertools.product(range(-reach, reach + 1), repeat=len(a))))
+    vectors = centre + offsets
+    costs = np.einsum("ki,ij,kj->k", a - vectors, inverse, a - vectors)
+    order = np.argsort(costs)
+    return vectors[order], costs[order]
+
+
+def test_lambda_is_the_exhaustive_search():
+    random = np.random.default_rng(1)
+    problems = [problem(random) for _ in range(50)]
+    found = ambiguity.lambda_(np.array([a for a, _ in problems]), np.array([Q for _, Q in problems]), count=3)
+    assert found.integers.shape == (50, 3, 3) and found.errors == {}
+    for i, (a, Q) in enumerate(problems):
+        vectors, costs = exhaustive(a, Q)
+        assert np.array_equal(found.integers[i], vectors[:3].astype(int))
+        assert np.allclose(found.costs[i], costs[:3], rtol=1e-9)
+        assert found.proven_to[i] <= costs[3] * (1 + 1e-12)
+        one = ambiguity.lambda_(a, Q, count=3)
+        assert np.array_equal(one.integers, found.integers[i])
+        assert one.success_rate == found.success_rate[i] == ambiguity.success_rate(Q)
+
+
+def joint(random, k=1, per=4):
+    """A baseline of length 1 (or an array) seen by code and phase with few cycles of noise."""
+    n, reals = per * k, 3 * k
+    design = random.normal(size=(n, reals))
+    root = random.normal(size=(n + reals, n + reals)) * 0.02
+    Q = root @ root.T
+    Q[n:, n:] += 0.3**2 * np.eye(reals)
+    Q[:n, :n] += 0.05**2 * np.eye(n) + design @ Q[n:, n:] @ design.T
+    Q[:n, n:] = design @ Q[n:, n:]
+    Q[n:, :n] = Q[:n, n:].T
+    return Q + 1e-4 * np.eye(n + reals)
+
+
+def test_length_constrained_is_the_least_of_all_candidates():
+    random = np.random.default_rng(2)
+    for _ in range(10):
+        Q = joint(random)
+        n = 4
+        truth = np.r_[random.integers(-20, 20, n), [0.6, -0.8, 0.0]]
+        x = random.multivariate_normal(truth, Q)
+        found = ambiguity.length_constrained(
+            x[:n], Q[:n, :n], x[n:], Q[n:, n:], Q[:n, n:], length_m=1.0, length_sd_m=0.0, count=1
+        )
+        assert np.linalg.norm(found.baselines_m[0, 0]) == pytest.approx(1.0, abs=1e-9)
+        # The cost of the candidate by numpy: both terms.
+        gain = np.linalg.solve(Q[:n, :n], Q[:n, n:]).T
+        conditional = Q[n:, n:] - gain @ Q[:n, n:]
+
+        def cost(integers, baseline):
+            off = x[:n] - integers
+            rest = x[n:] - gain @ off - baseline
+            return off @ np.linalg.solve(Q[:n, :n], off) + rest @ np.linalg.solve(conditional, rest)
+
+        best = cost(found.integers[0], found.baselines_m[0, 0])
+        assert found.costs[0] == pytest.approx(best, rel=1e-8)
+        # No neighbour with any baseline of that length is better.
+        directions = random.normal(size=(300, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        for offset in itertools.product([-1, 0, 1], repeat=n):
+            rivals = [cost(found.integers[0] + offset, b) for b in directions]
+            assert min(rivals) >= best - 1e-9
+
+
+def test_array_constrained_keeps_the_array():
+    random = np.random.default_rng(3)
+    body = np.array([[1.0, 0, 0], [0, 0.8, 0]])
+    Q = joint(random, k=2)
+    n = 8
+    truth = np.r_[random.integers(-20, 20, n), body.ravel()]
+    x = random.multivariate_normal(truth, Q)
+    found = ambiguity.array_constrained(x[:n], Q[:n, :n], x[n:], Q[n:, n:], Q[:n, n:], body, [4, 4], count=1)
+    baselines = found.baselines_m[0]
+    assert np.allclose(baselines @ baselines.T, body @ body.T, atol=1e-8)
+
+
+def test_errors():
+    with pytest.raises(kurs.NoSolution, match="not positive definite"):
+        ambiguity.lambda_([0.1, 0.2], -np.eye(2))
+    with pytest.raises(ValueError, match=r"Q has the shape \[3, 3\], expected 2 rows and columns"):
+        ambiguity.lambda_([0.1, 0.2], np.eye(3))
+    many = ambiguity.lambda_(np.zeros((2, 2)), np.stack([np.eye(2), -np.eye(2)]))
+    assert list(many.errors) == [1] and np.isnan(many.costs[1]).all()

@@ -1,0 +1,128 @@
+"""The commands through Python: the same rows, the same words."""
+
+import csv
+import os
+import subprocess
+import sys
+import tomllib
+
+import kurs
+import numpy as np
+import pytest
+from conftest import KURS, ROOT, command
+
+
+@pytest.fixture(scope="module")
+def solved(simulated, tmp_path_factory):
+    out = tmp_path_factory.mktemp("solved")
+    command("solve", simulated / "kurs.toml", "--out", out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def solution(simulated):
+    return kurs.solve(simulated / "kurs.toml")
+
+
+def test_the_command_of_the_wheel():
+    version = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
+    assert command("--version").strip() == f"kurs {version}"
+    assert kurs.__version__ == version
+    assert command("solve", status=2) == ""
+    done = subprocess.run([KURS, "solve", "/no/such.toml"], capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.startswith("error: /no/such.toml")
+    piped = subprocess.run(f"{KURS} solve --help | head -1", shell=True, capture_output=True, text=True)
+    assert piped.stdout and not piped.stderr
+
+
+def test_solve_has_the_rows_of_the_command(solved, solution):
+    for name in ("attitude", "baselines"):
+        table = getattr(solution, name)
+        with (solved / f"{name}.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert list(table) == list(rows[0]) and table.rows == len(rows) > 0
+        for column, values in table.items():
+            texts = [row[column] for row in rows]
+            if values.dtype.kind in "fi":
+                wanted = np.array([float(text or "nan") for text in texts])
+                assert np.array_equal(values, wanted, equal_nan=True), column
+            elif values.dtype.kind == "M":
+                assert np.array_equal(values, np.array([t.rstrip("Z") for t in texts], "datetime64[ns]"))
+            else:
+                assert values.tolist() == texts
+        assert (solution.folder / f"{name}.csv").read_bytes() == (solved / f"{name}.csv").read_bytes()
+    assert solution.status == 0 and solution.summary["fixed"] > 90
+    assert abs(np.nanmean(solution.attitude["heading_deg"]) - 40) < 0.2
+
+
+def test_overrides_and_dictionaries(simulated, solution):
+    config = tomllib.loads((simulated / "kurs.toml").read_text())
+    for i, antenna in enumerate(config["antenna"]):
+        antenna["obs"] = [simulated / name for name in antenna["obs"]]
+        antenna["position_m"] = np.array([1.2 * i, 0, 0])
+    config["nav"]["files"] = [simulated / name for name in config["nav"]["files"]]
+    config["solve"]["bands"] = None
+    one_band = kurs.solve(config, bands=["G1"], solve__elevation_mask_deg=15)
+    assert one_band.attitude["satellites"].max() < solution.attitude["satellites"].max()
+    assert np.array_equal(kurs.solve(config).attitude["heading_deg"], solution.attitude["heading_deg"], equal_nan=True)
+
+
+def test_errors_have_the_words_of_the_command_line(simulated, tmp_path):
+    with pytest.raises(kurs.UsageError, match="array_sd_mm.*array_sd_m"):
+        kurs.solve(simulated / "kurs.toml", array_sd_mm=0.01)
+    with pytest.raises(kurs.UsageError, match="at least two are needed"):
+        kurs.solve({"antenna": []})
+    (tmp_path / "no.rnx").write_text("nothing\n")
+    config = {"antenna": [{"name": n, "obs": [tmp_path / "no.rnx"]} for n in "AB"], "nav": {"files": [tmp_path / "no.rnx"]}}
+    with pytest.raises(kurs.InputError, match="no.rnx"):
+        kurs.solve(config)
+
+
+def test_tables_for_others(solution, tmp_path):
+    import polars as pl
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = solution.attitude
+    frame = table.to_pandas()
+    assert frame["status"].dtype == "category" and len(frame) == table.rows
+    assert frame["reason"].isna().sum() == (table["reason"] == "").sum()
+    arrow = pa.table(table)
+    assert arrow.num_rows == table.rows
+    assert arrow["heading_deg"].null_count == np.isnan(table["heading_deg"]).sum()
+    assert pa.types.is_dictionary(arrow["status"].type)
+    polar = table.to_polars()
+    assert polar["heading_deg"].null_count() == arrow["heading_deg"].null_count
+    assert polar["status"].to_list() == table["status"].tolist()
+    assert pl.DataFrame(table).height == table.rows
+    table.to_parquet(tmp_path / "attitude.parquet")
+    assert pq.read_table(tmp_path / "attitude.parquet")["qw"].to_pylist() == arrow["qw"].to_pylist()
+    assert [path.name for path in tmp_path.iterdir()] == ["attitude.parquet"]
+
+
+def test_report_and_inspect_and_plan(solution, simulated, tmp_path):
+    solution.report(tmp_path / "report.html")
+    assert "<html" in (tmp_path / "report.html").read_text()[:400]
+    seen = kurs.inspect(simulated / "A0.rnx")
+    assert seen[0]["content"] == "observations"
+    planned = kurs.plan({"antenna": [{"name": f"A{i}", "position_m": p} for i, p in enumerate(np.eye(3))]}, duration="2h")
+    assert 0 < planned["epochs"][0]["heading_sd_deg"] < 5
+
+
+def test_stubs_and_package_are_strictly_typed():
+    for target in (["-p", "kurs"], [str(ROOT / "tests/python/typed.py")]):
+        done = subprocess.run([sys.executable, "-m", "mypy", "--strict", *target], capture_output=True, text=True, cwd="/")
+        assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "crates/kurs-py/examples").glob("*.py")), ids=lambda path: path.stem)
+def test_examples_and_their_twins_in_rust(script, tmp_path):
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    expected = [line[3:] for line in script.read_text().splitlines() if line.startswith("#> ")]
+    assert expected and done.stdout.splitlines() == expected
+    twins = os.environ.get("KURS_TWINS")
+    if twins is None:
+        pytest.skip("no KURS_TWINS, the example of kurs-py that tests/python/run builds")
+    twin = subprocess.run([twins, script.stem], capture_output=True, text=True, cwd=tmp_path)
+    assert twin.returncode == 0 and twin.stdout.splitlines() == expected, twin.stderr

@@ -1,0 +1,79 @@
+"""Files against georinex."""
+
+import warnings
+
+import kurs
+import numpy as np
+import pytest
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import georinex
+
+
+def assert_same(ours, theirs):
+    """All values that georinex has, at their places."""
+    compared = 0
+    for name in theirs.data_vars:
+        if name[0] not in "CLDS" or len(name) != 3:
+            continue
+        wanted = theirs[name]
+        there = ~np.isnan(wanted.values)
+        if not there.any():
+            continue
+        found = ours[name].sel(time=wanted.time, sv=wanted.sv).values
+        assert np.array_equal(found[there], wanted.values[there]), name
+        compared += there.sum()
+    return compared
+
+
+def test_observations_beside_georinex(recordings):
+    file = recordings / "matrtklib_static/rover.obs"
+    # Its reader takes a second for every ten epochs.
+    span = ("2000-01-01", "2100-01-01")
+    ours = kurs.read_obs(file, time=span)
+    first = np.unique(ours["time_gpst"])[:8]
+    theirs = georinex.load(file, tlim=(str(first[0]), str(first[-1])))
+    assert assert_same(ours.to_xarray(), theirs) > 1000
+
+
+def test_filters(recordings):
+    file = recordings / "matrtklib_static/rover.obs"
+    whole = kurs.read_obs(file)
+    galileo = kurs.read_obs(file, systems="E", signals=["E1"])
+    wanted = np.char.startswith(whole["signal"], "E1")
+    assert galileo.rows == wanted.sum() > 0
+    assert np.array_equal(galileo["phase_cycles"], whole["phase_cycles"][wanted], equal_nan=True)
+    times = np.unique(whole["time_gpst"])
+    some = kurs.read_obs(file, time=(times[10], times[19]))
+    assert np.array_equal(np.unique(some["time_gpst"]), times[10:20])
+    with pytest.raises(kurs.InputError, match="cannot|No such|not"):
+        kurs.read_obs("/no/such/file")
+
+
+def test_states_of_broadcast_beside_precise_orbits(recordings):
+    broadcast = kurs.read_nav(recordings / "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz")
+    precise = kurs.read_nav(recordings / "orbits/GRG0MGXFIN_20201770000_01D_15M_ORB.SP3.gz")
+    times = np.datetime64("2020-06-25T06:00") + np.arange(0, 43200, 450) * np.timedelta64(1, "s")
+    errors = []
+    for satellite in (name for name in precise.satellites if name[0] == "G"):
+        position, velocity, clock = broadcast.state(satellite, times)
+        wanted, rate, _ = precise.state(satellite, times)
+        errors.append(np.linalg.norm(position - wanted, axis=1))
+        assert np.nanmax(np.abs(velocity - rate), initial=0) < 0.01
+        assert np.nanmax(np.abs(clock), initial=0) < 1e-3
+        # The velocity is the rate of the position.
+        later = broadcast.state(satellite, times + np.timedelta64(1, "s"))[0]
+        assert np.nanmax(np.abs(later - position - (velocity + 0)), initial=0) < 1.0
+    # Broadcast orbits are good to two metres, and are those of the antenna, not of the centre of mass.
+    assert np.count_nonzero(~np.isnan(errors)) > 300 and np.nanmedian(errors) < 3
+    far = precise.state("G01", np.datetime64("1990-01-01"))
+    assert np.isnan(far[0]).all() and np.isnan(far[2]).all()
+
+
+def test_places_of_one_antenna(recordings):
+    folder = recordings / "matrtklib_static"
+    found = kurs.point.solve(folder / "base.obs", kurs.read_nav(folder / "base.nav"))
+    places = np.column_stack([found[name] for name in ("x_m", "y_m", "z_m")])
+    spread = np.nanstd(places, axis=0)
+    assert found.rows > 100 and (spread < 3).all()

@@ -1,0 +1,89 @@
+"""Selection, trajectory and calibration against the vectors and numpy."""
+
+import kurs
+import numpy as np
+import pytest
+from kurs import calibration, selection, trajectory
+
+GRAPHS = {"tree": "tree", "general": "general"}
+CRITERIA = {
+    "kappa": "baseline_condition",
+    "kappa_att": "information_condition",
+    "lmin_att": "smallest_information",
+    "trace_cov_att": "trace_of_covariance",
+}
+
+
+def test_selection_of_the_vectors(vectors):
+    for case in vectors["baseline"]:
+        for graph in GRAPHS:
+            for short, criterion in CRITERIA.items():
+                expected = case["expected"][f"{graph}_{short}"]
+                if expected is None or expected["value"] is None:
+                    with pytest.raises(kurs.NoSolution):
+                        selection.select(case["input"]["positions"], graph=graph, criterion=criterion)
+                    continue
+                pairs, value, bound = selection.select(case["input"]["positions"], graph=graph, criterion=criterion)
+                assert value == pytest.approx(expected["value"], rel=1e-10), case
+                if expected["ties_within_1e9"] == 1:
+                    assert [list(pair) for pair in pairs] == expected["edges"]
+
+
+SETS = {
+    "A4": [(0, "azimuth", None), (0, "elevation", None), (1, "azimuth", None), (1, "elevation", None)],
+    "A3a": [(0, "azimuth", None), (0, "elevation", None), (1, "azimuth", None)],
+    "A3g": [(0, "azimuth", None), (0, "elevation", None), (1, "elevation", None)],
+    "DC4": [(0, "cosine_north", None), (0, "cosine_east", None), (1, "cosine_north", None), (1, "cosine_east", None)],
+    "RAE": [(0, "range", None), (0, "azimuth", None), (0, "elevation", None)],
+    "R3": [(2, "range", None), (3, "range", None), (4, "range", None)],
+    "RD3": [(station, "range_difference", 2) for station in (3, 4, 5)],
+}
+
+
+def test_trajectories_of_the_vectors(vectors):
+    checked = 0
+    for case in vectors["trajectory"]:
+        if not case["lsq"].get("converged"):
+            continue
+        # Columns of Phi are north, up, east.
+        axes = [np.column_stack([p[:, 0], p[:, 2], -p[:, 1]]) for p in (np.array(s["Phi"]) for s in case["stations"])]
+        places = [s["b"] for s in case["stations"]] + case["beacons"]
+        axes += [np.eye(3)] * len(case["beacons"])
+        sigma = np.broadcast_to(case["sigma"], len(case["y"]))
+        position, cov, _ = trajectory.locate(
+            places, SETS[case["set"]], case["y"], sigma, prior_m=tuple(case["prior_r"]), axes=axes
+        )
+        wanted, K = np.array(case["lsq"]["r"]), np.array(case["lsq"]["K"])
+        assert np.linalg.norm(position - wanted) < 1e-9 * np.linalg.norm(wanted) + 1e-6 * np.sqrt(np.trace(K)), case["id"]
+        assert np.abs(cov - K).max() < 1e-7 * np.abs(K).max(), case["id"]
+        checked += 1
+    assert checked >= 15
+
+
+def test_many_positions_at_once():
+    stations = np.array([[6.4e6, 0, 0], [6.4e6, 1e4, 0], [6.4e6, 0, 1e4], [6.39e6, 5e3, 5e3]])
+    places = np.array([6.45e6, 3e3, 2e3]) + np.random.default_rng(1).normal(scale=1e3, size=(100, 3))
+    ranges = np.linalg.norm(places[:, None] - stations, axis=2)
+    kinds = [(station, "range", None) for station in range(4)]
+    position, cov, cost = trajectory.locate(stations, kinds, ranges, np.ones(4))
+    assert np.abs(position - places).max() < 1e-5 and cov.shape == (100, 3, 3) and cost.max() < 1e-6
+    with pytest.raises(ValueError, match="expected 4 numbers, one for each"):
+        trajectory.locate(stations, kinds, ranges[:, :3], np.ones(4))
+
+
+def test_calibration_finds_what_was_put_in():
+    random = np.random.default_rng(5)
+    model = np.array([[1.01, 0.002, -0.001], [0, 0.98, 0.003], [0, 0, 1.005]])
+    bias = np.array([0.1, -0.2, 0.05])
+    directions = random.normal(size=(20, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    poses = 9.81 * directions @ model.T + bias
+    found = calibration.multi_pose(poses, 9.81)
+    assert np.allclose(found["matrix"], model, atol=1e-6) and np.allclose(found["bias_mps2"], bias, atol=1e-6)
+    six = 9.81 * np.vstack([np.eye(3), -np.eye(3)]) @ model.T + bias
+    assert np.allclose(calibration.six_position(six, 9.81)["matrix"], model, atol=1e-9)
+    rates = random.normal(0.01, 0.001, size=(10_000, 3))
+    mean, sd = calibration.gyro_bias(rates)
+    assert np.allclose(mean, rates.mean(axis=0)) and np.allclose(sd, rates.std(axis=0, ddof=1) / 100)
+    tau, deviation, _ = calibration.allan_deviation(rates[:, 0], 0.01)
+    assert tau[0] == 0.01 and deviation[0] == pytest.approx(np.sqrt(np.mean(np.diff(rates[:, 0]) ** 2) / 2), rel=1e-9)
