@@ -123,7 +123,7 @@ mod tests {
             continuity.update(0, antenna, |_, _: Band| Some(WAVELENGTH_M));
             let signal = Signal::new(System::Gps, 1, b'C');
             let arc = continuity.arc(0, Satellite::new(System::Gps, 1), signal).unwrap();
-            if arcs.len() as u32 == arc.number {
+            if arcs.len() == arc.number as usize {
                 arcs.push((count, arc.cause));
             }
         }
