@@ -7,7 +7,6 @@ mod solving;
 use kurs::differential::Differential;
 use kurs::engine::{Constraint, Engine};
 use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
-use kurs::solution::Status;
 use kurs_sim::scenario::{Place, Scenario, Station};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use solving::{angle_errors, ready, settings};
@@ -71,7 +70,7 @@ fn coordinates_of_a_car_near_a_station() {
         let epoch = PositionEpoch { time: row.time, antennas: fixes };
         let chain = by_coordinates.push(&epoch, &mut memory);
         chain_headings.extend(angle_errors(truth, &chain).map(|e| e.x.to_degrees()));
-        if row.status == Status::Fixed {
+        if row.is_fixed() {
             own_headings.extend(angle_errors(truth, &row).map(|e| e.x.to_degrees()));
         }
         let position = row.position.unwrap();

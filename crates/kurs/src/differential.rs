@@ -12,7 +12,7 @@ use crate::engine::{
 use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
-use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin};
 
 /// An engine, beside a fixed station if there is one: rows then have the coordinates relative to it.
 #[derive(Debug)]
@@ -43,11 +43,6 @@ impl Differential {
     pub fn new(engine: Engine, station_m: Option<Vector<Ecef>>) -> Result<Self, SettingsError> {
         let station = station_m.map(|position_m| Station::new(position_m, engine.settings()));
         Ok(Self { station: station.transpose()?, engine })
-    }
-
-    /// The engine, to add navigation data.
-    pub fn engine_mut(&mut self) -> &mut Engine {
-        &mut self.engine
     }
 
     /// As [`Engine::insert`]: the engine and the station share what is known.
@@ -115,7 +110,7 @@ impl Station {
         let by_code = self.code.push(navigation, &self.epoch, None);
         let by_phase = self.phase.push(navigation, &self.epoch, None);
         row.by_code = by_code.baselines.iter().map(|baseline| self.end_of(baseline)).collect();
-        let fixed = by_phase.baselines.first().filter(|_| by_phase.status == Status::Fixed);
+        let fixed = by_phase.baselines.first().filter(|_| by_phase.is_fixed());
         let first = fixed.map(|baseline| self.end_of(baseline));
         let origin = match first {
             Some(_) => PositionOrigin::StationPhase,
