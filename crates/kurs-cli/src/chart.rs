@@ -45,7 +45,7 @@ impl Clock {
         Self { ms, longest_ms }
     }
 
-    /// The same where only one instant of `group` neighbours is there: their spacing is uneven.
+    /// The axis of a curve of which only one instant of `group` neighbours is there: their spacing is uneven.
     pub(crate) fn thinned(mut self, group: usize) -> Self {
         if group > 1 {
             self.longest_ms *= 2.0;
@@ -68,7 +68,7 @@ impl Clock {
         self.with_axis(Axis::new().title(Title::with_text(title)))
     }
 
-    /// The same, with the zero of its values in sight.
+    /// An empty plot over all of the time, with the zero of its values in sight.
     pub(crate) fn plot_from_zero(&self, title: &str) -> Plot {
         self.with_axis(Axis::new().title(Title::with_text(title)).range_mode(RangeMode::ToZero))
     }

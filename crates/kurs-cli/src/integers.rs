@@ -67,7 +67,11 @@ impl Integers {
         self.rows += 1;
         let mut gone_through = BTreeSet::new();
         let mut failed = BTreeSet::new();
-        for check in &row.checks {
+        for idle in &row.idle_antennas {
+            *self.idle.entry(*idle).or_default() += 1;
+        }
+        let Some(integers) = &row.integers else { return };
+        for check in &integers.checks {
             let first = Checked { rows: 0, failed: 0, worst: *check };
             let of_kind = self.checks.entry(check.reason).or_insert(first);
             // A value that is no number is worst of all.
@@ -77,11 +81,8 @@ impl Integers {
             of_kind.rows += u64::from(gone_through.insert(check.reason));
             of_kind.failed += u64::from(check.fails() && failed.insert(check.reason));
         }
-        if let Some(left_out) = row.left_out {
+        if let Some(left_out) = integers.left_out {
             *self.left_out.entry(words(left_out, names)).or_default() += 1;
-        }
-        for idle in &row.idle_antennas {
-            *self.idle.entry(*idle).or_default() += 1;
         }
     }
 
@@ -166,6 +167,7 @@ fn words(left_out: LeftOut, names: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kurs::solution::IntegerReport;
     use kurs::time::GpsTime;
 
     fn check(reason: Reason, p_value: f64) -> Check {
@@ -173,8 +175,11 @@ mod tests {
     }
 
     fn row(checks: Vec<Check>, left_out: Option<LeftOut>) -> EpochSolution {
-        let lost = EpochSolution::lost(GpsTime::default(), Reason::Residuals);
-        EpochSolution { checks, left_out, ..lost }
+        let mut row = EpochSolution::lost(GpsTime::default(), Reason::Residuals);
+        let mut integers = IntegerReport::default();
+        (integers.checks, integers.left_out) = (checks, left_out);
+        row.integers = Some(integers);
+        row
     }
 
     #[test]

@@ -157,12 +157,12 @@ impl Page {
         self.place(plot, "plot", "");
     }
 
-    /// The same over time: all of these show the same part of it.
+    /// A plot over time: all of these show one part of it.
     pub(crate) fn time_plot(&mut self, plot: &Plot) {
         self.place(plot, "plot time", "");
     }
 
-    /// The same, only as high as so many lines.
+    /// A plot over time that is only as high as so many lines.
     pub(crate) fn time_plot_of_lines(&mut self, plot: &Plot, lines: usize) {
         let style = format!(" style=\"height:{}em\"", 8 + 2 * lines);
         self.place(plot, "plot time", &style);

@@ -1,7 +1,7 @@
 //! What the fixed epochs of a run are worth, in the few lines at its end: standard deviations, satellites,
 //! gaps.
 
-use kurs::solution::{AttitudeEstimate, EpochSolution, Status};
+use kurs::solution::{AttitudeEstimate, EpochSolution, Outcome};
 
 use crate::report::span;
 use crate::session_span::SessionSpan;
@@ -24,12 +24,8 @@ pub(crate) struct Quality {
 impl Quality {
     /// Takes one row in.
     pub(crate) fn add(&mut self, row: &EpochSolution) {
-        if row.status != Status::Fixed {
-            return;
-        }
-        if let Some(attitude) = &row.attitude {
-            self.add_deviations(attitude);
-        }
+        let Outcome::Fixed { attitude } = &row.outcome else { return };
+        self.add_deviations(attitude);
         let count = row.satellites;
         let (fewest, most, sum, rows) = self.satellites.unwrap_or((count, count, 0, 0));
         self.satellites = Some((fewest.min(count), most.max(count), sum + count, rows + 1));
@@ -98,7 +94,7 @@ mod tests {
                 line_elevation_rad: None,
             };
             let mut row = EpochSolution::lost(first + f64::from(k), Reason::Ratio);
-            (row.status, row.reason, row.attitude) = (Status::Fixed, None, Some(attitude));
+            row.outcome = Outcome::Fixed { attitude };
             row.satellites = if k == 3 { 7 } else { 9 };
             quality.add(&row);
             session.add(row.time);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Reason, Status};
+use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Outcome, Reason, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
@@ -148,7 +148,7 @@ impl Summary {
         self.is_interrupted = true;
     }
 
-    /// The same where a row needs something else to be fixed: "epochs …".
+    /// A summary of rows that need something else to be fixed: "epochs …".
     pub(crate) fn with_capable(mut self, means: &'static str) -> Self {
         self.capable_means = means;
         self
@@ -158,19 +158,15 @@ impl Summary {
     pub(crate) fn add(&mut self, row: &EpochSolution, capable: bool) {
         self.epochs += 1;
         self.quality.add(row);
-        *self.by_status.entry(row.status).or_default() += 1;
-        if let Some(reason) = row.reason {
+        *self.by_status.entry(row.status()).or_default() += 1;
+        if let Some(reason) = row.reason() {
             *self.by_reason.entry(reason).or_default() += 1;
         }
         self.span.add(row.time);
         self.capable += u64::from(capable);
-        if row.status != Status::Fixed {
-            return;
-        }
+        let Outcome::Fixed { attitude } = &row.outcome else { return };
         self.first_fix.get_or_insert(row.time);
-        if let Some(attitude) = &row.attitude {
-            self.add_angles(attitude);
-        }
+        self.add_angles(attitude);
         row.baselines.iter().for_each(|baseline| self.add_baseline(baseline));
     }
 
@@ -422,12 +418,9 @@ mod tests {
             line_elevation_rad: None,
         };
         let time = GpsTime::default() + time_s;
-        EpochSolution {
-            status: Status::Fixed,
-            reason: None,
-            attitude: Some(attitude),
-            ..EpochSolution::lost(time, Reason::FewAntennas)
-        }
+        let mut row = EpochSolution::lost(time, Reason::FewAntennas);
+        row.outcome = Outcome::Fixed { attitude };
+        row
     }
 
     fn of_headings(headings_deg: &[f64]) -> Summary {

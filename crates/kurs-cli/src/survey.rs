@@ -8,7 +8,6 @@ use anyhow::{Context, bail};
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::observation::ArrayEpoch;
 use kurs::orientation::survey::{Survey, SurveyedArray};
-use kurs::solution::Status;
 use serde::Serialize;
 
 use crate::failure::ExitCode;
@@ -62,7 +61,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         let row = engine.push(&epoch);
         survey.add(&row);
-        progress.epoch(row.status == Status::Fixed, || streams.share());
+        progress.epoch(row.is_fixed(), || streams.share());
     }
     progress.finish();
 

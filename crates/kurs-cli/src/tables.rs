@@ -130,7 +130,7 @@ impl Tables {
         })
     }
 
-    /// The same with `antennas`: coordinates of every antenna by code differences to a station, as
+    /// The tables and `antennas` with them: coordinates of every antenna by code differences to a station, as
     /// `kurs orient` reads them.
     pub(crate) fn with_antennas(
         mut self,
@@ -240,7 +240,7 @@ impl<W: Write> Tables<W> {
     }
 
     fn write_points(&mut self, time: &TimeColumns, row: &EpochSolution) -> anyhow::Result<()> {
-        let status = row.status;
+        let status = row.status();
         if let Some(table) = &mut self.point_table {
             write_places(table, time, &row.points, &self.points, status)?;
         }
@@ -310,14 +310,16 @@ pub(crate) fn write_attitude(
     rates: &AngleRates,
 ) -> anyhow::Result<()> {
     time.write(t);
-    t.text(row.status.word());
-    t.text(row.reason.map_or("", |reason| reason.word()));
-    for count in [row.antennas, row.satellites, row.ambiguities] {
+    t.text(row.status().word());
+    t.text(row.reason().map_or("", |reason| reason.word()));
+    let integers = row.integers.as_ref();
+    let ambiguities = integers.map_or(0, |integers| integers.ambiguities);
+    for count in [row.antennas, row.satellites, ambiguities] {
         t.integer(i64::try_from(count).unwrap_or(i64::MAX));
     }
-    attitude_columns(t, row.attitude.as_ref());
-    t.real(row.success_rate, 6);
-    t.real(row.ratio, 3);
+    attitude_columns(t, row.attitude());
+    t.real(integers.and_then(|integers| integers.success_rate), 6);
+    t.real(integers.and_then(|integers| integers.ratio), 3);
     t.real(row.residual_rms_m, 5);
     position_columns(t, row.position.as_ref());
     // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
@@ -325,11 +327,11 @@ pub(crate) fn write_attitude(
         row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
     let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());
     t.text(&format!("{}Z", utc.iso(7)));
-    let quaternion = row.attitude.and_then(|a| a.ned_from_body).map(|r| r.quaternion());
+    let quaternion = row.attitude().and_then(|a| a.ned_from_body).map(|r| r.quaternion());
     for i in 0..4 {
         t.real(quaternion.map(|q| q[i]), 9);
     }
-    let line_elevation = row.attitude.and_then(|a| a.line_elevation_rad);
+    let line_elevation = row.attitude().and_then(|a| a.line_elevation_rad);
     t.real(line_elevation.map(f64::to_degrees), 5);
     rates.iter().for_each(|rate| t.real(rate.map(|r| r.radps.to_degrees()), 5));
     rates.iter().for_each(|rate| t.real(rate.map(|r| r.sd_radps.to_degrees()), 5));

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use kurs::signal::{Satellite, Signal};
-use kurs::solution::{EpochSolution, IntegerSum, Status};
+use kurs::solution::{EpochSolution, IntegerSum, Outcome};
 use kurs::time::GpsTime;
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -113,7 +113,10 @@ impl Truth {
     /// of a baseline is off by more than noise can be.
     pub(crate) fn is_wrong(&self, row: &EpochSolution, truth: &TruthRow) -> bool {
         match &self.cycles {
-            Some(cycles) => !row.integers.iter().all(|sum| cycles.confirm(sum, row.time)),
+            Some(cycles) => {
+                let mut sums = row.signals.iter().flat_map(|signals| &signals.integers);
+                !sums.all(|sum| cycles.confirm(sum, row.time))
+            }
             None => is_off(row, truth),
         }
     }
@@ -172,12 +175,9 @@ impl Cycles {
 impl Agreement {
     /// Takes one epoch into account; only fixed ones count.
     pub(crate) fn add(&mut self, row: &EpochSolution, known: &TruthRow, truth: &Truth) {
-        if row.status != Status::Fixed {
-            return;
-        }
+        let Outcome::Fixed { attitude } = &row.outcome else { return };
         self.fixed += 1;
         self.wrong += u64::from(truth.is_wrong(row, known));
-        let Some(attitude) = &row.attitude else { return };
         let angles = [attitude.heading_rad, attitude.pitch_rad, attitude.roll_rad];
         for (k, angle) in angles.iter().enumerate() {
             let Some(angle_rad) = angle else { continue };
@@ -233,7 +233,7 @@ pub(crate) fn difference_deg(one: f64, other: f64) -> f64 {
 mod tests {
     use super::*;
     use kurs::frames::Vector;
-    use kurs::solution::{BaselineEstimate, Reason};
+    use kurs::solution::{BaselineEstimate, Reason, SignalReport, Status};
     use nalgebra::Matrix3;
 
     #[test]
@@ -285,7 +285,9 @@ mod tests {
         for (tow_s, cycles, wrong) in [(0.0, -70, false), (1.0, -70, true), (1.0, -65, false)] {
             let time = GpsTime::from_week_tow(2305, tow_s).unwrap();
             let mut row = EpochSolution::lost(time, Reason::Ratio);
-            row.integers = vec![IntegerSum { links: links.clone(), cycles }];
+            let mut signals = SignalReport::default();
+            signals.integers = vec![IntegerSum { links: links.clone(), cycles }];
+            row.signals = Some(signals);
             let known = truth.at(time).unwrap();
             assert_eq!(truth.is_wrong(&row, known), wrong, "{tow_s} {cycles}");
         }

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Status};
+use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin};
 use kurs::time::{Calendar, GpsTime};
 use kurs::turn_rate::{AngleRates, TurnRate, course_rad};
 use nalgebra::SymmetricEigen;
@@ -86,7 +86,7 @@ pub fn gga(row: &EpochSolution) -> String {
 impl<'a> Epoch<'a> {
     fn new(row: &'a EpochSolution, rates: AngleRates) -> Self {
         let utc = nominal(row.time).utc();
-        let attitude = row.attitude.filter(|_| row.status == Status::Fixed);
+        let attitude = row.attitude().filter(|_| row.is_fixed()).copied();
         Self { row, utc, attitude, rates }
     }
 
@@ -301,7 +301,7 @@ fn push(text: &mut String, body: &str) {
 mod tests {
     use super::*;
     use kurs::frames::{Attitude, Geodetic, Vector};
-    use kurs::solution::Reason;
+    use kurs::solution::{Outcome, Reason};
     use nalgebra::Matrix3;
 
     /// A fixed row of a ship off Vladivostok that goes north-east.
@@ -309,26 +309,23 @@ mod tests {
         let heading_rad = heading_deg.to_radians();
         let angles = Attitude { heading_rad, pitch_rad: -0.0349, roll_rad: 0.0175 };
         let geodetic = Geodetic::from_degrees(43.1, -131.9, 30.0);
-        EpochSolution {
-            status: Status::Fixed,
-            reason: None,
-            satellites: 14,
-            attitude: Some(AttitudeEstimate::full(
-                angles.ned_from_body(),
-                &(Matrix3::identity() * 1e-6),
-            )),
-            position: Some(PositionEstimate {
-                antenna: Some(0),
-                geodetic,
-                position_m: geodetic.to_ecef(),
-                covariance_m2: Matrix3::new(4.0, 1.5, 0.0, 1.5, 4.0, 0.0, 0.0, 0.0, 9.0),
-                velocity_mps: Some(Vector::new(3.0, 3.0, 0.1)),
-                clock_m: None,
-                hdop: Some(0.876),
-                origin: PositionOrigin::Alone,
-            }),
-            ..EpochSolution::lost(time, Reason::Ratio)
-        }
+        let covariance = Matrix3::identity() * 1e-6;
+        let mut row = EpochSolution::lost(time, Reason::Ratio);
+        row.outcome = Outcome::Fixed {
+            attitude: AttitudeEstimate::full(angles.ned_from_body(), &covariance),
+        };
+        row.satellites = 14;
+        row.position = Some(PositionEstimate {
+            antenna: Some(0),
+            geodetic,
+            position_m: geodetic.to_ecef(),
+            covariance_m2: Matrix3::new(4.0, 1.5, 0.0, 1.5, 4.0, 0.0, 0.0, 0.0, 9.0),
+            velocity_mps: Some(Vector::new(3.0, 3.0, 0.1)),
+            clock_m: None,
+            hdop: Some(0.876),
+            origin: PositionOrigin::Alone,
+        });
+        row
     }
 
     /// 2024-03-10 23:59:59.9972 UTC, 18 leap seconds behind GPST.
@@ -384,7 +381,9 @@ mod tests {
         let found = sentences(&mut Encoder::new(Profile::Gpsd), &lost);
         assert_eq!(found, expected[..4]);
         // A float row has a position, and a heading that does not leave.
-        let float = EpochSolution { status: Status::Float, ..row(before_midnight(), 20.0) };
+        let mut float = row(before_midnight(), 20.0);
+        let attitude = float.attitude().copied();
+        float.outcome = Outcome::Float { attitude, reason: Some(Reason::Ratio) };
         let found = sentences(&mut Encoder::new(Profile::Marine), &float);
         assert_eq!(found[5..], ["$GNHDT,,T", "$GNROT,,V"]);
         assert!(found[0].contains(",1,14,0.88,"));

@@ -301,7 +301,7 @@ impl Status {
     }
 
     pub(crate) fn note_row(&self, row: &EpochSolution) {
-        let number = RowStatus::ALL.iter().position(|status| *status == row.status);
+        let number = RowStatus::ALL.iter().position(|status| *status == row.status());
         self.rows[number.unwrap_or(0)].fetch_add(1, Relaxed);
         self.satellites.store(row.satellites as u64, Relaxed);
         let now_ms = i64::try_from(self.began.elapsed().as_millis()).unwrap_or(i64::MAX);

@@ -12,7 +12,6 @@ use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::Status;
 use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
@@ -60,8 +59,8 @@ fn main() {
                 let start = Instant::now();
                 let row = engine.push(epoch);
                 *time_ms = time_ms.min(1e3 * start.elapsed().as_secs_f64());
-                fixed += usize::from(row.status == Status::Fixed);
-                ambiguities += row.ambiguities;
+                fixed += usize::from(row.is_fixed());
+                ambiguities += row.integers.as_ref().map_or(0, |integers| integers.ambiguities);
                 satellites += row.satellites;
             }
         }

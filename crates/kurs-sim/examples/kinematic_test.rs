@@ -10,7 +10,6 @@ mod solving;
 
 use kurs::engine::Constraint;
 use kurs::frames::{Ecef, Geodetic, Vector};
-use kurs::solution::Status;
 use nalgebra::Vector3;
 use plotters::prelude::*;
 use solving::{Tally, settings};
@@ -54,7 +53,7 @@ fn drive(seed: u64) -> (Tally, Vec<Point>) {
     solving::solve(scenario, known, |truth, row, integers| {
         tally.add(truth, row, integers);
         let (first_time, first_m) = *origin.get_or_insert((truth.time, truth.position_m));
-        let attitude = row.attitude.filter(|_| row.status == Status::Fixed);
+        let attitude = row.attitude().filter(|_| row.is_fixed());
         let (Some(attitude), Some(position)) = (attitude, &row.position) else { return };
         let level = |place_m: Vector<Ecef>| {
             (Geodetic::from_ecef(first_m).ned_from_ecef() * (place_m - first_m)).xyz()

@@ -288,7 +288,7 @@ fn solve(scene: &Scene, rate: f64) -> [Sum; 2] {
             sum.figures.take(truth, row, integers);
             if sum.figures.rows > ROWS_TO_LEARN {
                 sum.later += 1;
-                let word = row.reason.map_or("", |reason| reason.word());
+                let word = row.reason().map_or("", |reason| reason.word());
                 sum.array_blamed += usize::from(["length", "geometry"].contains(&word));
             }
         },

@@ -86,13 +86,13 @@ pub enum ObservationFormat {
     /// RINEX 3.05.
     #[serde(rename = "rinex")]
     Rinex,
-    /// The same, packed.
+    /// RINEX 3.05, packed.
     #[serde(rename = "rinex.gz")]
     RinexGzip,
     /// CRINEX 3.0.
     #[serde(rename = "crinex")]
     Crinex,
-    /// The same, packed.
+    /// CRINEX 3.0, packed.
     #[serde(rename = "crinex.gz")]
     CrinexGzip,
     /// A u-blox log with the ephemerides: RXM-RAWX, RXM-SFRBX.

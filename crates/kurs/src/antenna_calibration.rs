@@ -244,7 +244,7 @@ impl MountedAntenna {
         center.map_or(0.0, |center| center.correction_m(azimuth_rad, elevation_rad))
     }
 
-    /// The same while the attitude is not known: of a level body with any heading.
+    /// The correction while the attitude is not known: that of a level body with any heading.
     #[must_use]
     pub fn level_correction_m(&self, band: Band, elevation_rad: f64) -> f64 {
         let center = self.calibration.nearest_phase_center(band);

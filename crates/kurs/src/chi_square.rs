@@ -1,14 +1,17 @@
 //! The χ² distribution: how likely a sum of squared residuals is.
 
 /// Probability that a χ² variable with `degrees` degrees of freedom exceeds `value`; 1 for no
-/// degrees of freedom or a value below zero.
+/// degrees of freedom or a value below zero, not a number for a value that is none.
 ///
 /// The finite sums for even and odd degrees (Abramowitz & Stegun 26.4.4, 26.4.5); below 1e-15
 /// absolute error.
 #[must_use]
 pub fn chi_square_tail(value: f64, degrees: usize) -> f64 {
-    if degrees == 0 || value.is_nan() || value <= 0.0 {
+    if degrees == 0 || value <= 0.0 {
         return 1.0;
+    }
+    if value.is_nan() {
+        return f64::NAN;
     }
     let half = 0.5 * value;
     // Even: e^(−x/2) Σ (x/2)ⁱ / i!;  odd: erfc √(x/2) + e^(−x/2) Σ (x/2)^(i−½) / Γ(i+½)
@@ -30,14 +33,17 @@ pub fn chi_square_tail(value: f64, degrees: usize) -> f64 {
 
 /// Probability that a sum of `degrees` squares exceeds `value`, in units of a variance that is itself known
 /// with `known_with` degrees of freedom only: `F = (value / degrees)` of Fisher's distribution. It tends to
-/// [`chi_square_tail`] as `known_with` grows.
+/// [`chi_square_tail`] as `known_with` grows, and says as much of values that are no numbers.
 ///
 /// `P = I_x(ν/2, d/2)` with `x = ν / (ν + value)` (Abramowitz & Stegun 26.6.2), the incomplete beta function
 /// by its continued fraction (26.5.8).
 #[must_use]
 pub fn fisher_tail(value: f64, degrees: f64, known_with: f64) -> f64 {
-    if degrees <= 0.0 || value.is_nan() || value <= 0.0 {
+    if degrees <= 0.0 || value <= 0.0 {
         return 1.0;
+    }
+    if value.is_nan() {
+        return f64::NAN;
     }
     incomplete_beta(known_with / (known_with + value), 0.5 * known_with, 0.5 * degrees)
 }
@@ -84,6 +90,14 @@ fn complementary_error(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is no number must not pass for a good fit.
+    #[test]
+    fn no_number_has_no_probability() {
+        assert!(chi_square_tail(f64::NAN, 3).is_nan() && fisher_tail(f64::NAN, 3.0, 9.0).is_nan());
+        assert_eq!((chi_square_tail(-1.0, 3), fisher_tail(-1.0, 3.0, 9.0)), (1.0, 1.0));
+        assert_eq!((chi_square_tail(9.0, 0), fisher_tail(9.0, 0.0, 9.0)), (1.0, 1.0));
+    }
 
     /// Upper percentage points: Abramowitz & Stegun, table 26.8.
     #[test]

@@ -22,7 +22,7 @@ use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin};
 
 /// An epoch that is older than this, s, is carried: receivers that sample closer together are used as they are.
 const MIN_CARRIED_S: f64 = 0.010;
@@ -65,11 +65,6 @@ impl Differential {
     pub fn new(engine: Engine, station_m: Option<Vector<Ecef>>) -> Result<Self, SettingsError> {
         let station = station_m.map(|position_m| Station::new(position_m, engine.settings()));
         Ok(Self { station: station.transpose()?, engine })
-    }
-
-    /// The engine, to add navigation data.
-    pub fn engine_mut(&mut self) -> &mut Engine {
-        &mut self.engine
     }
 
     /// As [`Engine::insert`]: the engine and the station share what is known.
@@ -155,7 +150,7 @@ impl Station {
         };
         let end_of = |baseline: &BaselineEstimate| self.end_of(baseline, grown_m);
         row.by_code = by_code.baselines.iter().map(end_of).collect();
-        let fixed = by_phase.filter(|by_phase| by_phase.status == Status::Fixed);
+        let fixed = by_phase.filter(EpochSolution::is_fixed);
         let first = fixed.and_then(|by_phase| by_phase.baselines.first().map(end_of));
         let origin = match first {
             Some(_) => PositionOrigin::StationPhase,

@@ -289,7 +289,7 @@ impl FloatSolution {
         })
     }
 
-    /// The same with next to no weight on the code of the epoch: a thousand times its standard
+    /// The solution with next to no weight on the code of the epoch: a thousand times its standard
     /// deviation. For a solution that holds one epoch only.
     #[must_use]
     pub fn without_code(&self) -> Self {

@@ -68,6 +68,7 @@ pub struct Rotation<To, From> {
 
 /// A point on or near the Earth, WGS 84.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Geodetic {
     /// Geodetic latitude, −π/2 to π/2.
     pub latitude_rad: f64,
@@ -86,6 +87,33 @@ pub struct Attitude {
     pub pitch_rad: f64,
     /// Right side down positive, −π to π.
     pub roll_rad: f64,
+}
+
+#[cfg(feature = "serde")]
+impl<F> serde::Serialize for Vector<F> {
+    /// `[x, y, z]`
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        <[f64; 3]>::from(self.xyz).serialize(serializer)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<To, From> serde::Serialize for Rotation<To, From> {
+    /// `[w, x, y, z]` as [`Rotation::quaternion`] gives it.
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.quaternion().serialize(serializer)
+    }
+}
+
+/// A matrix row by row.
+#[cfg(feature = "serde")]
+pub(crate) fn serialize_rows<S: serde::Serializer>(
+    matrix: &Matrix3<f64>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    use serde::Serialize;
+    let row = |i: usize| [matrix[(i, 0)], matrix[(i, 1)], matrix[(i, 2)]];
+    [row(0), row(1), row(2)].serialize(serializer)
 }
 
 impl<F> Vector<F> {
@@ -353,7 +381,7 @@ impl Attitude {
     }
 }
 
-/// The same angle in `[0, 2π)`.
+/// An angle turned into `[0, 2π)`.
 #[must_use]
 pub fn wrap_heading(angle_rad: f64) -> f64 {
     let wrapped = angle_rad.rem_euclid(core::f64::consts::TAU);

@@ -206,7 +206,8 @@ pub fn length_constrained_success_rate(
     })
 }
 
-/// The same for all integers of the whole array, with its known geometry inside the search.
+/// In how many of `draws` simulated epochs the search with the known array finds all integers of it; where it
+/// gives up it does not. `None` if the satellites are too few.
 #[must_use]
 pub fn array_constrained_success_rate(
     array: &AntennaArray,

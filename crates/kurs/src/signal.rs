@@ -60,6 +60,23 @@ pub struct UnknownName {
     expected: &'static str,
 }
 
+#[cfg(feature = "serde")]
+mod names {
+    use super::{Band, Satellite, Signal, System};
+
+    /// Serialises a type as its name.
+    macro_rules! as_its_name {
+        ($($type:ty),*) => {$(
+            impl serde::Serialize for $type {
+                fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                    serializer.collect_str(self)
+                }
+            }
+        )*};
+    }
+    as_its_name!(System, Satellite, Band, Signal);
+}
+
 impl System {
     /// Every system, in the order of output.
     pub const ALL: [Self; 7] = [

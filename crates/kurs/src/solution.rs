@@ -1,4 +1,8 @@
 //! Outcomes. A float solution is a result of lower quality, not an error.
+//!
+//! With the feature `serde` rows serialise, under the names of their fields: statuses and reasons as their words,
+//! vectors as lists, matrices row by row, rotations as quaternions `w, x, y, z`, times as week and seconds,
+//! satellites and signals as RINEX names them.
 
 use core::fmt;
 
@@ -10,6 +14,7 @@ use crate::time::{Calendar, GpsTime};
 
 /// How far an epoch got; the words of the output column `status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Status {
     /// Integer ambiguities accepted.
     Fixed,
@@ -25,6 +30,8 @@ pub enum Status {
 
 /// Why an epoch is not fixed; the words of the output column `reason`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
 pub enum Reason {
     /// Fewer usable satellites than unknowns need.
     FewSatellites,
@@ -68,6 +75,7 @@ pub enum Reason {
 
 /// One check of an epoch's integers: a statistic, and how probable one as bad as this is if all is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Check {
     /// The reason that the row has where this check is the first to fail.
     pub reason: Reason,
@@ -92,30 +100,25 @@ impl Check {
 
 /// What one epoch yields: one row of the outputs.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct EpochSolution {
     /// Time tag of the first antenna that has an epoch.
     pub time: GpsTime,
     /// The true instant in UTC, by the receiver's clock bias and the broadcast parameters.
     pub time_utc: Option<Calendar>,
-    /// How far the epoch got.
-    pub status: Status,
-    /// Why it is not fixed; `None` when it is.
-    pub reason: Option<Reason>,
+    /// How far the epoch got, with the orientation of the body.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub outcome: Outcome,
     /// Antennas with observations.
     pub antennas: usize,
+    /// Antennas that have observations and no part in the row, each with the reason.
+    pub idle_antennas: Vec<(usize, Reason)>,
     /// Most satellites that two antennas share above the mask.
     pub shared_satellites: usize,
     /// Satellites with a double-differenced carrier phase.
     pub satellites: usize,
-    /// Integer ambiguities.
-    pub ambiguities: usize,
-    /// Orientation of the body.
-    pub attitude: Option<AttitudeEstimate>,
-    /// Predicted probability that the integers are right (bootstrapping).
-    pub success_rate: Option<f64>,
-    /// Second-best over best squared distance, ≥ 1.
-    pub ratio: Option<f64>,
-    /// Root mean square of the double-difference phase residuals, m.
+    /// Root mean square of the residuals of double-difference phases, or of coordinates, m.
     pub residual_rms_m: Option<f64>,
     /// Body origin, or the first antenna while the attitude is unknown.
     pub position: Option<PositionEstimate>,
@@ -126,24 +129,80 @@ pub struct EpochSolution {
     /// Antennas by code differences to a fixed station; empty without one. The index is that of the
     /// antenna.
     pub by_code: Vec<PointEstimate>,
-    /// What the solution leaves of each signal; empty unless wanted.
-    pub residuals: Vec<SignalResidual>,
-    /// The best integers, accepted or not; empty unless wanted.
-    pub integers: Vec<IntegerSum>,
-    /// Probability of all other integers over that of the best; `None` unless wanted.
-    pub rivals: Option<f64>,
-    /// What a predicted attitude had to say; `None` without one, or where it said nothing.
-    pub prediction: Option<PredictionRole>,
-    /// What the integers of this row do without; `None` if they are those of all observations.
-    pub left_out: Option<LeftOut>,
-    /// Antennas that have observations and no part in the row, each with the reason.
-    pub idle_antennas: Vec<(usize, Reason)>,
+    /// What was found of the integers; `None` without double differences.
+    pub integers: Option<IntegerReport>,
+    /// What the solution leaves of each signal; `None` unless wanted.
+    pub signals: Option<SignalReport>,
+}
+
+/// How far an epoch got; what is fixed has an attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", serde(tag = "status", rename_all = "snake_case"))]
+pub enum Outcome {
+    /// Integer ambiguities accepted.
+    Fixed {
+        /// Orientation of the body.
+        attitude: AttitudeEstimate,
+    },
+    /// Real-valued ambiguities.
+    Float {
+        /// Orientation of the body, as uncertain as it is.
+        attitude: Option<AttitudeEstimate>,
+        /// Why the epoch is not fixed; `None` for estimates that know no integers.
+        reason: Option<Reason>,
+    },
+    /// A fix that broke a check: refused.
+    Inconsistent {
+        /// What the refused integers would mean.
+        attitude: Option<AttitudeEstimate>,
+        /// The check.
+        reason: Reason,
+    },
+    /// No solution this epoch.
+    Lost {
+        /// What is missing.
+        reason: Reason,
+    },
+    /// This input can never give an attitude: only one antenna has observations.
+    NotCapable,
+}
+
+/// What was found of an epoch's integers.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct IntegerReport {
+    /// Integer ambiguities.
+    pub ambiguities: usize,
+    /// Predicted probability that the integers are right (bootstrapping).
+    pub success_rate: Option<f64>,
+    /// Second-best over best squared distance, ≥ 1; `None` if no integers were found.
+    pub ratio: Option<f64>,
     /// What the integers went through, in this order; empty if none were found.
     pub checks: Vec<Check>,
+    /// What the integers of this row do without; `None` if they are those of all observations.
+    pub left_out: Option<LeftOut>,
+    /// What a predicted attitude had to say; `None` without one, or where it said nothing.
+    pub prediction: Option<PredictionRole>,
+}
+
+/// The solution of an epoch signal by signal.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct SignalReport {
+    /// What the solution leaves of each signal.
+    pub residuals: Vec<SignalResidual>,
+    /// The best integers, accepted or not; empty if none were found.
+    pub integers: Vec<IntegerSum>,
+    /// Probability of all other integers over that of the best; `None` if none were found.
+    pub rivals: Option<f64>,
 }
 
 /// What was left out of an epoch, because with it the integers of the others did not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum LeftOut {
     /// Phases that unlike receivers may have an unknown bias for: GLONASS channels that are not known
     /// yet, geostationary satellites of BeiDou. Their code is good.
@@ -165,6 +224,7 @@ pub enum LeftOut {
 
 /// What a predicted attitude did for an epoch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum PredictionRole {
     /// Nothing: the fix was sure without it, and agrees with it.
     Agreed,
@@ -188,6 +248,7 @@ impl PredictionRole {
 
 /// Whole cycles of the links of one double difference, added up with their signs.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct IntegerSum {
     /// Antenna, satellite, signal and sign of every link.
     pub links: Vec<(usize, Satellite, Signal, i64)>,
@@ -198,6 +259,7 @@ pub struct IntegerSum {
 /// What the solution leaves of one signal at one antenna: the most probable error of the
 /// observation, given all double differences that it takes part in.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct SignalResidual {
     /// Index of the antenna.
     pub antenna: usize,
@@ -220,6 +282,7 @@ pub struct SignalResidual {
 
 /// Orientation; two antennas or a collinear array leave angles unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct AttitudeEstimate {
     /// Clockwise from true north, `0 ≤ heading_rad < 2π`.
     pub heading_rad: Option<f64>,
@@ -229,9 +292,11 @@ pub struct AttitudeEstimate {
     pub roll_rad: Option<f64>,
     /// Covariance of heading, pitch, roll (in this order), rad², with all that they are uncertain by;
     /// rows of unknown angles mean nothing.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "crate::frames::serialize_rows"))]
     pub covariance_rad2: Matrix3<f64>,
     /// The part of it that the survey of the antennas causes: the same in all epochs of a body, so
     /// that it does not average.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "crate::frames::serialize_rows"))]
     pub installation_rad2: Matrix3<f64>,
     /// The full rotation, where all three angles are known.
     pub ned_from_body: Option<Rotation<Ned, Body>>,
@@ -241,14 +306,16 @@ pub struct AttitudeEstimate {
 
 /// Where a point is, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PositionEstimate {
     /// Index of the antenna that stands there; `None` for the origin of the body.
     pub antenna: Option<usize>,
     /// Geodetic coordinates.
     pub geodetic: Geodetic,
-    /// The same point in ECEF, m.
+    /// The point in ECEF, m.
     pub position_m: Vector<Ecef>,
     /// Covariance in local level axes (north, east, down), m².
+    #[cfg_attr(feature = "serde", serde(serialize_with = "crate::frames::serialize_rows"))]
     pub covariance_m2: Matrix3<f64>,
     /// Velocity, m/s, where there is Doppler.
     pub velocity_mps: Option<Vector<Ned>>,
@@ -262,6 +329,7 @@ pub struct PositionEstimate {
 
 /// What coordinates rest on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum PositionOrigin {
     /// The antenna's own code.
     Alone,
@@ -273,6 +341,7 @@ pub enum PositionOrigin {
 
 /// A baseline in local level axes at the first antenna.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct BaselineEstimate {
     /// Index of the antenna where it starts.
     pub base: usize,
@@ -283,17 +352,20 @@ pub struct BaselineEstimate {
     /// East, north, up, m.
     pub baseline_m: Vector<Enu>,
     /// Covariance of that, m².
+    #[cfg_attr(feature = "serde", serde(serialize_with = "crate::frames::serialize_rows"))]
     pub covariance_m2: Matrix3<f64>,
 }
 
 /// A point of the body, or an antenna, in the outside frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PointEstimate {
     /// Index in the configuration.
     pub index: usize,
     /// Geodetic coordinates.
     pub geodetic: Geodetic,
     /// Covariance in local level axes (north, east, down), m².
+    #[cfg_attr(feature = "serde", serde(serialize_with = "crate::frames::serialize_rows"))]
     pub covariance_m2: Matrix3<f64>,
 }
 
@@ -304,27 +376,103 @@ impl EpochSolution {
         Self {
             time,
             time_utc: None,
-            status: Status::Lost,
-            reason: Some(reason),
+            outcome: Outcome::Lost { reason },
             antennas: 0,
+            idle_antennas: Vec::new(),
             shared_satellites: 0,
             satellites: 0,
-            ambiguities: 0,
-            attitude: None,
-            success_rate: None,
-            ratio: None,
             residual_rms_m: None,
             position: None,
             baselines: Vec::new(),
             points: Vec::new(),
             by_code: Vec::new(),
-            residuals: Vec::new(),
-            integers: Vec::new(),
-            rivals: None,
-            prediction: None,
-            left_out: None,
-            idle_antennas: Vec::new(),
-            checks: Vec::new(),
+            integers: None,
+            signals: None,
+        }
+    }
+
+    /// How far the epoch got.
+    #[must_use]
+    pub const fn status(&self) -> Status {
+        self.outcome.status()
+    }
+
+    /// Whether the integers are accepted.
+    #[must_use]
+    pub const fn is_fixed(&self) -> bool {
+        matches!(self.outcome, Outcome::Fixed { .. })
+    }
+
+    /// Why the epoch is not fixed; `None` when it is.
+    #[must_use]
+    pub const fn reason(&self) -> Option<Reason> {
+        self.outcome.reason()
+    }
+
+    /// Orientation of the body; what it is worth says [`status`](Self::status).
+    #[must_use]
+    pub const fn attitude(&self) -> Option<&AttitudeEstimate> {
+        self.outcome.attitude()
+    }
+
+    /// What a predicted attitude had to say of the integers.
+    #[must_use]
+    pub fn prediction(&self) -> Option<PredictionRole> {
+        self.integers.as_ref()?.prediction
+    }
+}
+
+impl Outcome {
+    /// The word for it.
+    #[must_use]
+    pub const fn status(&self) -> Status {
+        match self {
+            Self::Fixed { .. } => Status::Fixed,
+            Self::Float { .. } => Status::Float,
+            Self::Lost { .. } => Status::Lost,
+            Self::Inconsistent { .. } => Status::Inconsistent,
+            Self::NotCapable => Status::NotCapable,
+        }
+    }
+
+    /// Why it is not fixed; `None` when it is.
+    #[must_use]
+    pub const fn reason(&self) -> Option<Reason> {
+        match self {
+            Self::Fixed { .. } => None,
+            Self::Float { reason, .. } => *reason,
+            Self::Inconsistent { reason, .. } | Self::Lost { reason } => Some(*reason),
+            Self::NotCapable => Some(Reason::FewAntennas),
+        }
+    }
+
+    /// Orientation of the body, of whatever worth.
+    #[must_use]
+    pub const fn attitude(&self) -> Option<&AttitudeEstimate> {
+        match self {
+            Self::Fixed { attitude } => Some(attitude),
+            Self::Float { attitude, .. } | Self::Inconsistent { attitude, .. } => attitude.as_ref(),
+            Self::Lost { .. } | Self::NotCapable => None,
+        }
+    }
+
+    /// Orientation of the body, to complete it.
+    #[must_use]
+    pub const fn attitude_mut(&mut self) -> Option<&mut AttitudeEstimate> {
+        match self {
+            Self::Fixed { attitude } => Some(attitude),
+            Self::Float { attitude, .. } | Self::Inconsistent { attitude, .. } => attitude.as_mut(),
+            Self::Lost { .. } | Self::NotCapable => None,
+        }
+    }
+
+    /// This outcome without an attitude that is not fixed.
+    #[must_use]
+    pub const fn without_unfixed_attitude(self) -> Self {
+        match self {
+            Self::Float { reason, .. } => Self::Float { attitude: None, reason },
+            Self::Inconsistent { reason, .. } => Self::Inconsistent { attitude: None, reason },
+            Self::Fixed { .. } | Self::Lost { .. } | Self::NotCapable => self,
         }
     }
 }

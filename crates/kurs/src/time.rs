@@ -50,6 +50,7 @@ pub struct GpsTime {
 
 /// A calendar date and time of day, in a time scale that its user names.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Calendar {
     /// Full year, for example 2024.
     pub year: i32,
@@ -63,6 +64,18 @@ pub struct Calendar {
     pub minute: u8,
     /// 0 ≤ `second` < 61 (60 only inside a UTC leap second).
     pub second: f64,
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for GpsTime {
+    /// `{"week": 2320, "tow_s": 116400.0}`
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        let mut fields = serializer.serialize_struct("GpsTime", 2)?;
+        fields.serialize_field("week", &self.week())?;
+        fields.serialize_field("tow_s", &self.tow_s())?;
+        fields.end()
+    }
 }
 
 impl GpsTime {

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use crate::solution::{EpochSolution, PositionEstimate, Status};
+use crate::solution::{EpochSolution, Outcome, PositionEstimate, Status};
 use crate::time::GpsTime;
 
 /// Rows further apart than this many intervals have a gap between them.
@@ -44,15 +44,18 @@ impl TurnRate {
     pub fn push(&mut self, row: &EpochSolution) -> AngleRates {
         self.take_spacing(row.time);
         let longest_s = self.interval_s().map(|s| s * (MAX_INTERVALS + JITTER));
-        let is_solved = matches!(row.status, Status::Fixed | Status::Float);
-        let Some(attitude) = row.attitude.filter(|_| is_solved) else { return [None; 3] };
+        let (Outcome::Fixed { attitude } | Outcome::Float { attitude: Some(attitude), .. }) =
+            &row.outcome
+        else {
+            return [None; 3];
+        };
         let (angles, noise_rad2) = (attitude.angles_rad(), attitude.noise_rad2());
         core::array::from_fn(|k| {
             let (angle, variance) = (angles[k]?, noise_rad2[(k, k)]);
-            let before = self.last[k].replace((row.status, row.time, angle, variance));
+            let before = self.last[k].replace((row.status(), row.time, angle, variance));
             let (status, time, angle_before, variance_before) = before?;
             let elapsed_s = row.time - time;
-            let follows = elapsed_s > 0.0 && elapsed_s <= longest_s? && status == row.status;
+            let follows = elapsed_s > 0.0 && elapsed_s <= longest_s? && status == row.status();
             let turn = (angle - angle_before + core::f64::consts::PI)
                 .rem_euclid(core::f64::consts::TAU)
                 - core::f64::consts::PI;
@@ -107,9 +110,7 @@ mod tests {
             AttitudeEstimate::full(angles.ned_from_body(), &about_z(noise + installation))
                 .with_installation(&Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, installation)));
         EpochSolution {
-            status: Status::Fixed,
-            reason: None,
-            attitude: Some(attitude),
+            outcome: Outcome::Fixed { attitude },
             ..EpochSolution::lost(GpsTime::from_week_tow(2300, second).unwrap(), Reason::Ratio)
         }
     }
@@ -142,7 +143,7 @@ mod tests {
         assert_eq!(rate.push(&lost), [None; 3]);
         assert!(has_rate(&mut rate, 13.1), "two intervals after the last fix");
         let mut float = row(14.1, 90.0, 1.0, 0.0);
-        float.status = Status::Float;
+        float.outcome = Outcome::Float { attitude: float.attitude().copied(), reason: None };
         assert_eq!(
             rate.push(&float)[0],
             None,

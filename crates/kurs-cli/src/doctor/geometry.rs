@@ -4,7 +4,6 @@ use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::Status;
 
 use super::patient::Patient;
 use super::sample::Sample;
@@ -50,7 +49,7 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
     let mut found = Vec::new();
     for second in 0..array.len() {
         for first in 0..second {
-            let fixed = free.rows.iter().filter(|row| row.status == Status::Fixed);
+            let fixed = free.rows.iter().filter(|row| row.is_fixed());
             let lengths = fixed.filter_map(|row| {
                 let at = |antenna: usize| {
                     let rover = row.baselines.iter().find(|b| b.rover == antenna);
@@ -61,7 +60,7 @@ pub(super) fn distances(free: &Trial, array: &AntennaArray) -> Vec<Distance> {
                 Some((at(second)? - at(first)?).norm())
             });
             let lengths: Vec<f64> = lengths.collect();
-            let variances = free.rows.iter().filter(|row| row.status == Status::Fixed).map(|row| {
+            let variances = free.rows.iter().filter(|row| row.is_fixed()).map(|row| {
                 let ends = row.baselines.iter().filter(|b| b.rover == first || b.rover == second);
                 ends.map(|b| b.covariance_m2.trace() / 3.0).sum::<f64>()
             });
@@ -102,7 +101,7 @@ pub(super) fn scanned(
         let fixed = epochs.filter(|epoch| {
             let pair = vec![epoch.antennas[0].clone(), epoch.antennas[second].clone()];
             let of_pair = ArrayEpoch { time: epoch.time, antennas: pair, station: None };
-            engine.push(&of_pair).status == Status::Fixed
+            engine.push(&of_pair).is_fixed()
         });
         fixed.count()
     };

@@ -99,7 +99,7 @@ fn zero_baseline(patient: &Patient<'_>, trials: &Trials) -> Option<Finding> {
     let mut antennas = 1..patient.names.len();
     let (rover, length_m) = antennas.find_map(|rover| {
         let solved =
-            |row: &&EpochSolution| matches!(row.status, Status::Fixed | Status::Inconsistent);
+            |row: &&EpochSolution| matches!(row.status(), Status::Fixed | Status::Inconsistent);
         let rows = trials.free.rows.iter().filter(solved);
         let baselines = rows.filter_map(|row| row.baselines.iter().find(|b| b.rover == rover));
         let lengths: Vec<f64> = baselines.map(|b| b.baseline_m.norm()).collect();
@@ -173,14 +173,14 @@ pub(super) fn turned(trials: &Trials) -> Option<Finding> {
 
 /// Share of the full attitudes whose down axis points up.
 fn upside_down(trial: &Trial) -> f64 {
-    let rotations = trial.rows.iter().filter_map(|row| row.attitude.as_ref()?.ned_from_body);
+    let rotations = trial.rows.iter().filter_map(|row| row.attitude()?.ned_from_body);
     let down: Vec<f64> = rotations.map(|ned_from_body| ned_from_body.matrix()[(2, 2)]).collect();
     down.iter().filter(|down| **down < 0.0).count() as f64 / down.len().max(1) as f64
 }
 
 /// Cosine of the angle between heading and course of a fixed epoch of a moving body.
 fn heading_against_course(row: &EpochSolution) -> Option<f64> {
-    let heading_rad = row.attitude.filter(|_| row.status == Status::Fixed)?.heading_rad?;
+    let heading_rad = row.attitude().filter(|_| row.is_fixed())?.heading_rad?;
     let velocity = row.position?.velocity_mps?.xyz();
     let speed_mps = velocity.xy().norm();
     let along_mps = heading_rad.cos() * velocity.x + heading_rad.sin() * velocity.y;

@@ -139,7 +139,7 @@ impl Trials {
 
 impl Trial {
     pub(super) fn count(&self, status: Status) -> usize {
-        self.rows.iter().filter(|row| row.status == status).count()
+        self.rows.iter().filter(|row| row.status() == status).count()
     }
 
     /// Share of the epochs.
@@ -149,7 +149,7 @@ impl Trial {
 
     pub(super) fn reasons(&self) -> BTreeMap<&'static str, usize> {
         let mut reasons = BTreeMap::new();
-        for reason in self.rows.iter().filter_map(|row| row.reason) {
+        for reason in self.rows.iter().filter_map(EpochSolution::reason) {
             *reasons.entry(reason.word()).or_default() += 1;
         }
         reasons
@@ -157,20 +157,20 @@ impl Trial {
 
     /// Share of the epochs whose integers do without this.
     pub(super) fn share_without(&self, left_out: LeftOut) -> f64 {
-        self.share_where(|row| row.left_out == Some(left_out))
+        self.share_where(|row| left_out_of(row) == Some(left_out))
     }
 
     /// Share of the epochs whose integers do without some satellite at this antenna.
     pub(super) fn share_without_link(&self, of: usize) -> f64 {
         let is_link = |left_out| matches!(left_out, LeftOut::Link { antenna, .. } if antenna == of);
-        self.share_where(|row| row.left_out.is_some_and(is_link))
+        self.share_where(|row| left_out_of(row).is_some_and(is_link))
     }
 
     /// Share of the epochs in which an antenna was not sampled together with the others.
     pub(super) fn share_apart(&self) -> f64 {
         let apart = Reason::TimeMismatch;
         self.share_where(|row| {
-            row.reason == Some(apart) || row.idle_antennas.iter().any(|(_, why)| *why == apart)
+            row.reason() == Some(apart) || row.idle_antennas.iter().any(|(_, why)| *why == apart)
         })
     }
 
@@ -195,7 +195,7 @@ impl Trial {
 
     /// Median of the phase residuals of the fixed epochs, m; infinite without any.
     pub(super) fn residual_m(&self) -> f64 {
-        let fixed = self.rows.iter().filter(|row| row.status == Status::Fixed);
+        let fixed = self.rows.iter().filter(|row| row.is_fixed());
         let mut residuals: Vec<f64> = fixed.filter_map(|row| row.residual_rms_m).collect();
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(f64::INFINITY)
@@ -218,4 +218,9 @@ pub(super) fn bands(sample: &Sample, settings: &Settings) -> BTreeSet<Band> {
     let observations = sample.epochs.iter().flat_map(|e| e.antennas.iter().flatten());
     let bands = observations.flat_map(|a| a.observations.iter().map(|o| o.signal.band));
     bands.filter(|band| settings.wants(*band)).collect()
+}
+
+/// What the integers of a row do without.
+fn left_out_of(row: &EpochSolution) -> Option<LeftOut> {
+    row.integers.as_ref()?.left_out
 }

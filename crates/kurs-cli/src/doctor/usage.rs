@@ -43,8 +43,9 @@ pub(super) fn usage(
     let mut rows: BTreeMap<Key, UsageRow> = BTreeMap::new();
     for (epoch, solution) in sample.epochs.iter().zip(&configured.rows) {
         let used: BTreeMap<Key, (bool, bool)> = solution
-            .residuals
+            .signals
             .iter()
+            .flat_map(|signals| &signals.residuals)
             .map(|r| {
                 let key = (r.antenna, r.satellite, r.signal);
                 (key, (r.code_m.is_some(), r.phase_m.is_some()))

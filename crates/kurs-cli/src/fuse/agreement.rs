@@ -34,7 +34,7 @@ pub(super) struct TruthSummary {
 impl Agreement {
     /// Takes a row into account if it has an attitude and the truth is known.
     pub(super) fn add(&mut self, solution: &EpochSolution, truth: &Truth) {
-        let Some(attitude) = &solution.attitude else { return };
+        let Some(attitude) = solution.attitude() else { return };
         let first = *self.first.get_or_insert(solution.time);
         let Some(wanted) = truth.at(solution.time) else { return };
         if solution.time - first < SETTLED_S {

@@ -47,9 +47,12 @@ fn line(
     float: bool,
     format: TableFormat,
 ) -> Option<Vec<u8>> {
-    let leaves = row.status == Status::Fixed || float && row.status == Status::Float;
+    let leaves = row.is_fixed() || float && row.status() == Status::Float;
     let rates = if leaves { *rates } else { [None; 3] };
-    let row = EpochSolution { attitude: row.attitude.filter(|_| leaves), ..row.clone() };
+    let mut row = row.clone();
+    if !leaves {
+        row.outcome = row.outcome.without_unfixed_attitude();
+    }
     let mut table = Table::in_memory(format, ATTITUDE);
     tables::write_attitude(&mut table, &TimeColumns::new(row.time), &row, &rates).ok()?;
     Some(table.into_text())

@@ -13,7 +13,7 @@ use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
 use kurs::orientation::lengths::Length;
 use kurs::orientation::{FittedEpoch, Method, Orienter, PositionEpoch, Settings};
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::EpochSolution;
 use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
 
@@ -248,7 +248,7 @@ impl Outputs {
         }
         self.done += 1;
         let share = self.done as f64 / all as f64;
-        self.progress.epoch(row.status == Status::Fixed, || Some(share));
+        self.progress.epoch(row.is_fixed(), || Some(share));
         Ok(())
     }
 }

@@ -35,7 +35,7 @@ use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
-/// The same for the constraint of the whole array, whose search takes longer.
+/// Simulated epochs for the success rate with the whole array as constraint, whose search takes longer.
 const ARRAY_DRAWS: u32 = 300;
 /// Epochs over the time span that stand for all of it where every candidate costs a calculation.
 const SAMPLED_EPOCHS: usize = 24;

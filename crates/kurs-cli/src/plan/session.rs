@@ -7,7 +7,7 @@ use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Geodetic;
 use kurs::signal::{Band, Signal, System};
-use kurs::solution::{EpochSolution, SignalResidual, Status};
+use kurs::solution::{EpochSolution, SignalResidual};
 use kurs::time::GpsTime;
 
 use crate::doctor::sample::Sample;
@@ -72,8 +72,8 @@ fn rounded(value: f64, per_unit: f64) -> f64 {
 
 /// The heading of a body that keeps one.
 fn heading_deg(rows: &[EpochSolution]) -> Option<f64> {
-    let fixed = rows.iter().filter(|row| row.status == Status::Fixed);
-    let headings: Vec<f64> = fixed.filter_map(|row| row.attitude?.heading_rad).collect();
+    let fixed = rows.iter().filter(|row| row.is_fixed());
+    let headings: Vec<f64> = fixed.filter_map(|row| row.attitude()?.heading_rad).collect();
     let (north, east) =
         headings.iter().fold((0.0, 0.0), |(n, e), rad| (n + rad.cos(), e + rad.sin()));
     let is_one = f64::hypot(north, east) > MIN_RESULTANT * headings.len() as f64;
@@ -92,11 +92,11 @@ fn zenith_sd_m(
     coordinates: f64,
 ) -> Option<f64> {
     let (mut squares_m2, mut redundancy) = (0.0, 0.0);
-    for row in rows.iter().filter(|row| row.status == Status::Fixed) {
+    for row in rows.iter().filter(|row| row.is_fixed()) {
         let mut antennas = BTreeSet::new();
         let mut groups: BTreeSet<(System, Signal)> = BTreeSet::new();
         let mut count = 0.0;
-        for residual in &row.residuals {
+        for residual in row.signals.iter().flat_map(|signals| &signals.residuals) {
             let Some(residual_m) = of(residual) else { continue };
             squares_m2 += (residual_m * residual.elevation_rad.sin()).powi(2);
             count += 1.0;

@@ -110,9 +110,9 @@ impl Report {
             self.way.push(position.geodetic);
         }
         self.integers.add(row, &self.antennas);
-        self.residuals.add(&row.residuals);
-        self.views.add(&row.residuals);
-        let attitude = row.attitude.as_ref();
+        self.residuals.add(row.signals.iter().flat_map(|signals| &signals.residuals));
+        self.views.add(row.signals.iter().flat_map(|signals| &signals.residuals));
+        let attitude = row.attitude();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
         let sd = |k| attitude.map_or(0.0, |a| a.covariance_rad2[(k, k)].sqrt().to_degrees());
         let mut lengths_m = vec![None; self.antennas.len().saturating_sub(1)];
@@ -123,14 +123,14 @@ impl Report {
         }
         self.samples.push(Sample {
             time: row.time,
-            status: row.status,
-            reason: row.reason.map_or("", kurs::solution::Reason::word),
+            status: row.status(),
+            reason: row.reason().map_or("", kurs::solution::Reason::word),
             angles_deg: angles.map(|angle| angle.map(f64::to_degrees)),
             sd_deg: [sd(0), sd(1), sd(2)],
             rates: self.turn_rate.push(row),
             truth_deg: truth.map(|truth| truth.angles_deg),
             satellites: row.satellites,
-            success_rate: row.success_rate,
+            success_rate: row.integers.as_ref().and_then(|integers| integers.success_rate),
             residual_rms_m: row.residual_rms_m,
             lengths_m,
             position: row.position.as_ref().map(|p| (p.geodetic, p.position_m)),

@@ -461,7 +461,7 @@ fn continued(angles: Curve) -> Curve {
     continued_beside(angles, &alone)
 }
 
-/// The same, as near as can be to other headings where there are any.
+/// Headings continued through north, as near as can be to other headings where there are any.
 fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     let mut last = None;
     for (angle, other) in angles.iter_mut().zip(others) {

@@ -58,7 +58,7 @@ impl Squares {
 
 impl Residuals {
     /// Takes the residuals of an epoch in.
-    pub(super) fn add(&mut self, residuals: &[SignalResidual]) {
+    pub(super) fn add<'a>(&mut self, residuals: impl IntoIterator<Item = &'a SignalResidual>) {
         for residual in residuals {
             let key = (residual.signal, residual.satellite);
             let [code, phase] = self.by_signal.entry(key).or_default();

@@ -24,7 +24,7 @@ use kurs::engine::{Direction, Engine, Settings, SettingsError};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::{EpochSolution, Reason, Status};
+use kurs::solution::{EpochSolution, Outcome, Reason, Status};
 use kurs_formats::nmea::Profile;
 
 use crate::batch::FAILURE;
@@ -216,7 +216,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
         review.add(&row);
-        progress.epoch(row.status == Status::Fixed, || streams.share());
+        progress.epoch(row.is_fixed(), || streams.share());
     }
     let wall_s = progress.finish();
 
@@ -265,25 +265,42 @@ pub(crate) fn engine(
     navigation: NavigationData,
     mounts: Vec<Option<MountedAntenna>>,
 ) -> anyhow::Result<Differential> {
-    let unusable = |error: SettingsError| UsageError(error.to_string());
+    let unusable = |error: SettingsError| UsageError(in_keys(&error));
     let engine = Engine::new(settings, navigation).map_err(unusable)?.with_phase_centers(mounts);
     let station = loaded.config.station.as_ref();
     let station_m = station.map(|s| s.position_ecef_m).map(|[x, y, z]| Vector::new(x, y, z));
     Ok(Differential::new(engine, station_m).map_err(unusable)?)
 }
 
+/// The settings that the engine refuses, by the keys of the configuration: angles there are in degrees.
+fn in_keys(error: &SettingsError) -> String {
+    let SettingsError::OutOfRange { field, found, low, high } = error else {
+        return error.to_string();
+    };
+    let key = match field.strip_suffix("_rad") {
+        Some(stem) => {
+            let [found, low, high] =
+                [found, low, high].map(|rad| (rad.to_degrees() * 1e9).round() / 1e9);
+            return format!("{stem}_deg is {found}, expected {low} to {high} degrees");
+        }
+        None if *field == "m_per_sqrt_s" => "random_walk_m",
+        None => field,
+    };
+    let unit = if key.ends_with("_m") { " m" } else { "" };
+    format!("{key} is {found}, expected {low} to {high}{unit}")
+}
+
 /// The row of an epoch of which no attitude can ever come: only one antenna has any observations.
 fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
     let mut row = EpochSolution::lost(epoch.time, Reason::FewAntennas);
-    row.status = Status::NotCapable;
+    row.outcome = Outcome::NotCapable;
     row.antennas = epoch.antennas.iter().flatten().count();
     row
 }
 
 /// An epoch whose antennas are one recording: its baselines are zero, which no array has.
 pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
-    (row.status, row.reason) = (Status::Inconsistent, Some(Reason::Geometry));
-    row.attitude = None;
+    row.outcome = Outcome::Inconsistent { attitude: None, reason: Reason::Geometry };
     row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
 }
 
@@ -371,5 +388,27 @@ fn why_nothing(summary: &Summary, streams: &Streams, capable: bool) -> String {
         ),
         Some(word) => format!("every epoch is lost, mostly because of `{word}`"),
         None => "every epoch is lost".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_engine_refuses_is_told_by_keys() {
+        let told = |change: fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            in_keys(&settings.check().unwrap_err())
+        };
+        let mask = told(|settings| settings.elevation_mask_rad = 95f64.to_radians());
+        assert_eq!(mask, "elevation_mask_deg is 95, expected -5 to 89 degrees");
+        let certain = told(|settings| settings.max_angle_sd_rad = 0.0);
+        assert_eq!(certain, "max_angle_sd_deg is 0, expected 0.001 to 180 degrees");
+        let survey = told(|settings| settings.array_sd_m = 11.0);
+        assert_eq!(survey, "array_sd_m is 11, expected 0 to 10 m");
+        let rate = told(|settings| settings.max_wrong_fix_rate = 0.0);
+        assert_eq!(rate, "max_wrong_fix_rate is 0, expected 0.000000001 to 0.5");
     }
 }

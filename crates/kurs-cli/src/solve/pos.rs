@@ -108,7 +108,8 @@ fn clock(time: GpsTime) -> String {
 /// Quality, satellites, standard deviations and roots of covariances, age, ratio.
 fn rest(quality: u8, row: &EpochSolution, deviations_m: [f64; 6]) -> String {
     let deviations = deviations_m.map(|sd| format!("{sd:8.4}")).join(" ");
-    let ratio = row.ratio.unwrap_or(0.0).min(999.9);
+    let ratio = row.integers.as_ref().and_then(|integers| integers.ratio);
+    let ratio = ratio.unwrap_or(0.0).min(999.9);
     format!("{quality:3} {:3} {deviations} {:6.2} {ratio:6.1}", row.satellites, 0.0)
 }
 
@@ -150,14 +151,16 @@ fn signed_root(value: f64) -> f64 {
 mod tests {
     use super::*;
     use kurs::frames::Vector;
-    use kurs::solution::Reason;
+    use kurs::solution::{IntegerReport, Reason};
 
     #[test]
     fn lines_are_those_of_rtklib() {
         let time = GpsTime::from_week_tow(2320, 113_400.2).unwrap();
         let mut row = EpochSolution::lost(time, Reason::Ratio);
         row.satellites = 9;
-        row.ratio = Some(12.34);
+        let mut integers = IntegerReport::default();
+        integers.ratio = Some(12.34);
+        row.integers = Some(integers);
         let c = Matrix3::new(4.0, 0.09, -0.25, 0.09, 1.0, 0.0, -0.25, 0.0, 9.0);
         row.baselines.push(BaselineEstimate {
             base: 0,

@@ -17,7 +17,6 @@ use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::point;
 use kurs::signal::System;
 use kurs::sky::{Horizon, View};
-use kurs::solution::Status;
 use kurs_formats::session::SessionReader;
 use kurs_formats::source::Source;
 use nalgebra::Vector3;
@@ -340,7 +339,7 @@ fn only_the_six_highest_satellites() {
         }
         let row = engine.push(&epoch);
         epochs += 1;
-        if row.status == Status::Fixed {
+        if row.is_fixed() {
             fixed += 1;
             let error = row.baselines[0].baseline_m.xyz() - Vector3::from(MATRTKLIB.truth_m);
             wrong += usize::from(error.amax() > 0.05);

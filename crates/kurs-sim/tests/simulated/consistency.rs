@@ -18,7 +18,6 @@ use kurs::float_solution::FloatSolution;
 use kurs::frames::{Geodetic, Vector};
 use kurs::point;
 use kurs::signal_residuals::integer_sums;
-use kurs::solution::Status;
 use kurs_sim::scenario::{MotionPlan, Scenario};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -49,12 +48,12 @@ fn angles_and_baselines_are_as_good_as_they_say() {
     let exact = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Array) };
     let (mut angles, mut baselines, mut fixed) = (0.0, [0.0; 3], 0);
     solving::solve(scenario, exact, |truth, row, integers| {
-        if row.status != Status::Fixed {
+        if !row.is_fixed() {
             return;
         }
         assert_eq!(integers, Integers::Right, "{}", row.time);
         fixed += 1;
-        let covariance = &row.attitude.as_ref().unwrap().covariance_rad2;
+        let covariance = &row.attitude().unwrap().covariance_rad2;
         angles += normalised_square(&angle_errors(truth, row).unwrap(), covariance);
         for (k, sum) in baselines.iter_mut().enumerate() {
             let error = baseline_error(truth, row, k).unwrap();
@@ -89,10 +88,10 @@ fn the_survey_is_in_the_covariance() {
             });
             let array = Some(AntennaArray::new(places.collect()).unwrap());
             solving::solve(scenario, Settings { array, array_sd_m, ..exact }, |truth, row, _| {
-                if row.status != Status::Fixed {
+                if !row.is_fixed() {
                     return;
                 }
-                let attitude = row.attitude.as_ref().unwrap();
+                let attitude = row.attitude().unwrap();
                 let error = angle_errors(truth, row).unwrap();
                 sum += normalised_square(&error, &attitude.covariance_rad2);
                 installation +=
@@ -135,10 +134,10 @@ fn two_antennas_know_what_they_cannot_see() {
             }
             let known = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Length) };
             solving::solve(scenario, known, |truth, row, _| {
-                if row.status != Status::Fixed {
+                if !row.is_fixed() {
                     return;
                 }
-                let attitude = row.attitude.as_ref().unwrap();
+                let attitude = row.attitude().unwrap();
                 assert_eq!(attitude.angles_rad().map(|angle| angle.is_some()), seen, "{line:?}");
                 assert!(attitude.ned_from_body.is_none() && attitude.line_elevation_rad.is_some());
                 let wanted = &truth.attitude;
@@ -189,10 +188,10 @@ fn an_array_that_lost_an_antenna_forgets_the_turn_about_the_others() {
                 body.observed.antennas[1] = None;
             }
             let row = engine.push(&body.observed);
-            if row.status != Status::Fixed {
+            if !row.is_fixed() {
                 continue;
             }
-            let attitude = row.attitude.unwrap();
+            let attitude = row.attitude().unwrap();
             assert!(attitude.heading_rad.is_some() && attitude.roll_rad.is_some(), "{second}");
             assert_eq!(attitude.line_elevation_rad.is_some(), is_silent, "{second}");
             assert_eq!(attitude.ned_from_body.is_some(), attitude.pitch_rad.is_some());
@@ -232,9 +231,9 @@ fn survey_errors_are_in_the_covariance() {
         scenario.array_sd_m = 0.005;
         let known = settings(&scenario, Constraint::Array);
         solving::solve(scenario, known, |truth, row, _| {
-            if row.status == Status::Fixed {
+            if row.is_fixed() {
                 fixed += 1;
-                let covariance = &row.attitude.as_ref().unwrap().covariance_rad2;
+                let covariance = &row.attitude().unwrap().covariance_rad2;
                 angles += normalised_square(&angle_errors(truth, row).unwrap(), covariance);
             }
         });

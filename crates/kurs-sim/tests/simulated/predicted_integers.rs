@@ -88,7 +88,7 @@ fn what_is_no_prediction_changes_nothing() {
     };
     let alone = Engine::new(settings.clone(), navigation.clone()).unwrap().push(observed);
     // The first epoch of a weak model: nothing confirms it yet.
-    assert_eq!((alone.status, alone.reason), (Status::Float, Some(Reason::Unproven)));
+    assert_eq!((alone.status(), alone.reason()), (Status::Float, Some(Reason::Unproven)));
     let usual = Matrix3::identity() * 1e-4;
     for (matrix, covariance) in [
         (Matrix3::repeat(f64::NAN), usual),
@@ -105,15 +105,15 @@ fn what_is_no_prediction_changes_nothing() {
     let away = Attitude { heading_rad: truth.heading_rad + 0.5, ..truth }.ned_from_body().matrix();
     for covariance in [Matrix3::zeros(), usual] {
         let refused = solved(away, covariance);
-        assert_eq!(refused.prediction, Some(PredictionRole::Refused));
+        assert_eq!(refused.prediction(), Some(PredictionRole::Refused));
         assert_eq!(
-            (refused.status, refused.reason),
+            (refused.status(), refused.reason()),
             (Status::Inconsistent, Some(Reason::Residuals))
         );
     }
     let right = solved(truth.ned_from_body().matrix(), usual);
-    assert_eq!(right.prediction, Some(PredictionRole::Agreed));
-    assert_eq!(right.attitude, alone.attitude, "the prediction is not in the attitude");
+    assert_eq!(right.prediction(), Some(PredictionRole::Agreed));
+    assert_eq!(right.attitude(), alone.attitude(), "the prediction is not in the attitude");
 }
 
 /// A filter that has gone wrong does not lock right fixes out for long.

@@ -78,8 +78,8 @@ fn the_car_is_solved_with_honest_sigmas() {
     while simulation.next_epoch(&mut epoch) {
         let body = &epoch.bodies[0];
         let row = engine.push(&body.observed);
-        assert_eq!(row.status, Status::Fixed, "{}: {:?}", row.time, row.reason);
-        let attitude = row.attitude.unwrap();
+        assert_eq!(row.status(), Status::Fixed, "{}: {:?}", row.time, row.reason());
+        let attitude = row.attitude().unwrap();
         let ned_from_body = attitude.ned_from_body.unwrap();
         let turn = ned_from_body.matrix() - body.truth.attitude.ned_from_body().matrix();
         assert!(turn.norm() < 0.05, "{}: {}", row.time, turn.norm());

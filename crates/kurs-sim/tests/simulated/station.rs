@@ -8,7 +8,7 @@ use crate::solving::{self, angle_errors, ready, settings};
 use kurs::differential::Differential;
 use kurs::engine::{Constraint, Engine};
 use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
-use kurs::solution::{PositionOrigin, Status};
+use kurs::solution::PositionOrigin;
 use kurs_sim::scenario::{Place, Scenario, Station};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 
@@ -71,7 +71,7 @@ fn coordinates_of_a_car_near_a_station() {
         let epoch = PositionEpoch { time: row.time, antennas: fixes };
         let chain = by_coordinates.push(&epoch, &mut memory);
         chain_headings.extend(angle_errors(truth, &chain).map(|e| e.x.to_degrees()));
-        if row.status == Status::Fixed {
+        if row.is_fixed() {
             own_headings.extend(angle_errors(truth, &row).map(|e| e.x.to_degrees()));
         }
         let position = row.position.unwrap();

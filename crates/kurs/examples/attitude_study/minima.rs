@@ -20,9 +20,9 @@ pub(crate) struct Study {
     /// Numbers of the problems where Newton's method from Wahba's solution and nowhere else found
     /// another minimum than the global one.
     pub(crate) single_misses: Vec<usize>,
-    /// The same where an unproven minimum is compared with that of its mirror image.
+    /// Problems that are missed where an unproven minimum is compared with that of its mirror image.
     pub(crate) newton_misses: Vec<usize>,
-    /// The same with the search for a second minimum.
+    /// Problems that are missed with the search for a second minimum.
     pub(crate) checked_misses: Vec<usize>,
     /// Problems whose minimum the certificate proves.
     pub(crate) certified: usize,

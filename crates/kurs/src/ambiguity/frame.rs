@@ -178,7 +178,7 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         value.is_finite().then_some(Dual { factor, axes, slopes, value })
     }
 
-    /// The same cost as an attitude problem: `f̌ᵢ` measures the image of the `i`-th unit vector.
+    /// The cost of the frame as an attitude problem: `f̌ᵢ` measures the image of the `i`-th unit vector.
     fn attitude_problem(&self, vectors: &SVector<f64, P>) -> AttitudeProblem {
         let mut information = Box::new(Matrix9::zeros());
         information.view_mut((0, 0), (P, P)).copy_from(&self.weight);

@@ -112,7 +112,7 @@ impl Sky {
         self.epoch_seen(random, wavelengths_m, noise, baselines_m, &seen)
     }
 
-    /// The same where baseline `j` has only the satellites `seen[j]`, the first of them its
+    /// An epoch in which baseline `j` has only the satellites `seen[j]`, the first of them its
     /// reference.
     pub(crate) fn epoch_seen(
         &self,
@@ -241,7 +241,7 @@ pub(crate) struct Epoch {
 }
 
 impl Epoch {
-    /// The same epoch, of one baseline, for the search over the sphere.
+    /// The epoch of one baseline for the search over the sphere.
     pub(crate) fn phase_model(&self) -> PhaseModel {
         self.phase_model_of(0)
     }

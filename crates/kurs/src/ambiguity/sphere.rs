@@ -285,7 +285,7 @@ mod tests {
             let mut last = f64::INFINITY;
             for sd_m in [0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0] {
                 let cost = with(sd_m).cost(&point);
-                assert!(cost <= last, "softer is never dearer");
+                assert!(cost <= last, "softer never costs more");
                 last = cost;
             }
         }

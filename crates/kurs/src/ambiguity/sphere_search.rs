@@ -81,7 +81,8 @@ pub fn all_within(
     all_in_time(model, length, max_cost, usize::MAX)
 }
 
-/// The same, but no more than `max_nodes` integers are tried: noisy phases leave many at each point.
+/// All candidates as [`all_within`] finds them, but no more than `max_nodes` integers are tried: noisy phases leave many
+/// at each point.
 ///
 /// # Errors
 ///

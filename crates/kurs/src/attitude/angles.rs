@@ -57,7 +57,7 @@ impl AttitudeEstimate {
         }
     }
 
-    /// The same, where the part `installation_body_rad2` of the covariance of a known attitude comes
+    /// The attitude where the part `installation_body_rad2` of its covariance comes
     /// from the survey of the antennas ([`super::installation`]).
     #[must_use]
     pub fn with_installation(mut self, installation_body_rad2: &Matrix3<f64>) -> Self {
@@ -81,7 +81,7 @@ impl AttitudeEstimate {
         self.covariance_rad2 - self.installation_rad2
     }
 
-    /// The same without angles whose standard deviation is above `max_sd_rad`.
+    /// The attitude without angles whose standard deviation is above `max_sd_rad`.
     #[must_use]
     pub fn certain_to(mut self, max_sd_rad: f64) -> Self {
         let angles = [&mut self.heading_rad, &mut self.pitch_rad, &mut self.roll_rad];

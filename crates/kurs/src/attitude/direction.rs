@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn next_minimum_is_the_lattice_s() {
-        // Slightly favoured upwards: the other minimum is the mirror image, dearer by 2·0.1·u_z or so.
+        // Slightly favoured upwards: the other minimum is the mirror image, which costs 2·0.1·u_z more or so.
         let a = Matrix3::from_diagonal(&Vector3::new(4.0, 9.0, 1.0));
         let found = minimum_on_sphere(&a, &Vector3::new(1.5, 4.0, 0.01)).unwrap();
         let gap = found.cost_gap.unwrap();

@@ -70,7 +70,7 @@ pub fn solve<To: Copy>(
 pub struct ArrayDirection<To> {
     /// The line of the antennas in body axes: unit vector from antenna 0 to antenna 1.
     pub axis: Vector<Body>,
-    /// The same unit vector in the outside frame.
+    /// The line in the outside frame, a unit vector.
     pub direction: Vector<To>,
     /// Covariance of `direction`, across it (rank two), rad².
     pub covariance_rad2: Matrix3<f64>,

@@ -43,7 +43,7 @@ const MAX_NODE_RAD: f64 = 2.0 * core::f64::consts::FRAC_PI_3;
 pub struct MeasuredLine {
     /// The line on the body, `e`, a unit vector.
     pub axis: Vector<Body>,
-    /// The same outside, `u`, a unit vector.
+    /// The line outside, `u`, a unit vector.
     pub direction: Vector<Ned>,
     /// Covariance of `u`, across it (rank two), rad².
     pub covariance_rad2: Matrix3<f64>,

@@ -99,7 +99,7 @@ impl SensorModel {
         Some(self.matrix.try_inverse()? * (reading_mps2 - self.bias_mps2))
     }
 
-    /// The same with standard deviations that also hold an uncertainty of gravity: every element of M
+    /// The model with standard deviations that also hold an uncertainty of gravity: every element of M
     /// is in proportion to 1/g, the bias does not depend on it.
     #[must_use]
     pub fn with_gravity_sd(mut self, gravity_mps2: f64, gravity_sd_mps2: f64) -> Self {

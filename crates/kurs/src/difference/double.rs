@@ -115,7 +115,7 @@ fn negated(combination: &Combination) -> impl Iterator<Item = (usize, f64)> {
     combination.iter().map(|(edge, sign)| (*edge, -sign))
 }
 
-/// The same sum with each link once.
+/// A sum in which each link stands once.
 fn collected(mut sum: Combination) -> Combination {
     sum.sort_by_key(|(edge, _)| *edge);
     sum.dedup_by(|next, kept| {

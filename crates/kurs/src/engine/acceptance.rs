@@ -14,7 +14,7 @@
 
 use crate::chi_square::fisher_tail;
 use crate::float_solution::{Conditional, Fit};
-use crate::solution::{Check, PredictionRole, Reason, Status};
+use crate::solution::{AttitudeEstimate, Check, Outcome, PredictionRole, Reason};
 
 use super::orientation::Orientation;
 use super::search::Found;
@@ -49,12 +49,24 @@ impl Scale {
 pub(super) struct Checks(pub(super) Vec<Check>);
 
 impl Checks {
-    /// Status and reason of the row: those of the first check that fails.
-    pub(super) fn verdict(&self) -> (Status, Option<Reason>) {
-        match self.0.iter().find(|check| check.fails()) {
-            None => (Status::Fixed, None),
-            Some(check) if is_unsure(check.reason) => (Status::Float, Some(check.reason)),
-            Some(check) => (Status::Inconsistent, Some(check.reason)),
+    /// What becomes of the epoch: the first check that fails decides. Where phases were lost just now, they
+    /// are the reason that integers are not sure.
+    pub(super) fn outcome(
+        &self,
+        attitude: Result<AttitudeEstimate, Reason>,
+        began_anew: bool,
+    ) -> Outcome {
+        let failed = self.0.iter().find(|check| check.fails()).map(|check| check.reason);
+        match (failed, attitude) {
+            (None, Ok(attitude)) => Outcome::Fixed { attitude },
+            (Some(Reason::Ratio | Reason::SuccessRate), attitude) if began_anew => {
+                Outcome::Float { attitude: attitude.ok(), reason: Some(Reason::Slip) }
+            }
+            (Some(reason), attitude) if is_unsure(reason) => {
+                Outcome::Float { attitude: attitude.ok(), reason: Some(reason) }
+            }
+            (Some(reason), attitude) => Outcome::Inconsistent { attitude: attitude.ok(), reason },
+            (None, Err(reason)) => Outcome::Inconsistent { attitude: None, reason },
         }
     }
 
@@ -214,3 +226,6 @@ fn is_unsure(reason: Reason) -> bool {
             | Reason::NoPhase
     )
 }
+
+#[cfg(test)]
+mod tests;

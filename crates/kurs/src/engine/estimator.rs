@@ -14,7 +14,7 @@ use crate::frames::{Attitude, Body, Ned, Rotation};
 use crate::glonass_ifb::GlonassIfb;
 use crate::link_noise::LinkNoise;
 use crate::observation::ArrayEpoch;
-use crate::solution::{EpochSolution, LeftOut, PredictionRole, Reason, Status};
+use crate::solution::{AttitudeEstimate, EpochSolution, LeftOut, Outcome, PredictionRole, Reason};
 use crate::time::GpsTime;
 
 use super::PredictedAttitude;
@@ -88,8 +88,7 @@ pub(super) struct Oriented {
 pub(super) struct Judged {
     pub(super) oriented: Oriented,
     pub(super) checks: Checks,
-    pub(super) status: Status,
-    pub(super) reason: Option<Reason>,
+    pub(super) outcome: Outcome,
     pub(super) prediction: Option<PredictionRole>,
 }
 
@@ -153,7 +152,7 @@ impl Estimator {
                 self.fill(&mut row, &judged);
                 self.remember(&row, judged);
             }
-            Err(reason) => row.reason = Some(reason),
+            Err(reason) => row.outcome = Outcome::Lost { reason },
         }
         self.located = located;
         row
@@ -289,14 +288,9 @@ impl Estimator {
         let Oriented { fixed, orientation } = &oriented;
         let Fixed { epoch, fix, .. } = fixed;
         if let Err(reason) = fix.found {
-            let reason = if epoch.began_anew { Reason::Slip } else { reason };
-            return Judged {
-                oriented,
-                checks: Checks::default(),
-                status: Status::Float,
-                reason: Some(reason),
-                prediction: None,
-            };
+            let reason = Some(if epoch.began_anew { Reason::Slip } else { reason });
+            let outcome = Outcome::Float { attitude: orientation.attitude.ok(), reason };
+            return Judged { oriented, checks: Checks::default(), outcome, prediction: None };
         }
         let fit = self.session_fit.judge(self.levels.code_degrees_of_freedom());
         let known = self.levels.phase_degrees_of_freedom();
@@ -322,12 +316,8 @@ impl Estimator {
             let testimony = self.hear(fixed);
             checks.of_witness(testimony, fix.is_strong() || prediction.is_some());
         }
-        let (status, reason) = checks.verdict();
-        let reason = match reason {
-            Some(Reason::Ratio | Reason::SuccessRate) if epoch.began_anew => Some(Reason::Slip),
-            other => other,
-        };
-        Judged { oriented, checks, status, reason, prediction }
+        let outcome = checks.outcome(orientation.attitude, epoch.began_anew);
+        Judged { oriented, checks, outcome, prediction }
     }
 
     /// What the accepted epochs before say of these integers.
@@ -361,18 +351,17 @@ impl Estimator {
     /// What later epochs need of this one.
     fn remember(&mut self, row: &EpochSolution, judged: Judged) {
         let fixed = judged.oriented.fixed;
-        if row.status == Status::Fixed {
+        if let Outcome::Fixed { attitude } = &row.outcome {
             self.glonass_ifb.learn(&fixed.baselines.rovers, &fixed.correction_m);
-            self.remember_axes(row, fixed.epoch.time);
+            self.remember_axes(fixed.epoch.time, attitude);
         }
         self.links = fixed.epoch.links;
     }
 
     /// Keeps the body's axes of a fixed epoch; angles that antennas on one line leave open count as
     /// zero.
-    fn remember_axes(&mut self, row: &EpochSolution, time: GpsTime) {
-        let Some(attitude) = row.attitude else { return };
-        self.vertical.remember(time, &attitude);
+    fn remember_axes(&mut self, time: GpsTime, attitude: &AttitudeEstimate) {
+        self.vertical.remember(time, attitude);
         let Some(heading_rad) = attitude.heading_rad else { return };
         let (pitch_rad, roll_rad) =
             (attitude.pitch_rad.unwrap_or(0.0), attitude.roll_rad.unwrap_or(0.0));

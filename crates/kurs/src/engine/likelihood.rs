@@ -20,7 +20,7 @@ use super::acceptance::Known;
 /// Degrees of freedom that the session's level of the code counts for at most against those of the epoch, because
 /// multipath changes from satellite to satellite and with time.
 const MAX_CODE: f64 = 100.0;
-/// The same of the phases.
+/// The bound for the level of the phases.
 const MAX_PHASE: f64 = 50.0;
 
 /// Squares of one candidate.

@@ -83,11 +83,6 @@ impl Engine {
         &self.navigation
     }
 
-    /// The navigation data, to add what comes while running: it counts from the next epoch on.
-    pub fn navigation_mut(&mut self) -> &mut NavigationData {
-        &mut self.navigation
-    }
-
     /// Takes in navigation data that were received after all others: they count from the next epoch on.
     pub fn insert(&mut self, news: &NavigationData) {
         self.navigation.update(news);

@@ -40,7 +40,7 @@ const BAND_PRIOR: f64 = 10.0;
 /// quiet ones hides them (with the session's mean alone 4.6 % of the fixes of five bands in a valley were beyond three
 /// sigmas, with this 2.0 %: `bench/real_skies.py --only shadow`).
 const MIN_COMMON: f64 = 0.5;
-/// The same as from so many squares.
+/// That share counts as from so many squares.
 const COMMON_PRIOR: f64 = 30.0;
 /// Degrees of freedom after which old epochs are forgotten: multipath changes over minutes.
 const MEMORY: f64 = 1000.0;

@@ -38,7 +38,8 @@ const MIN_PROBABLE: f64 = 5.7e-7;
 /// Integers that fit code and phases worse than this probability are not believed, whatever is
 /// predicted.
 const MIN_PLAUSIBLE_ALONE: f64 = 1e-4;
-/// The same of integers beside the predicted baselines; and in sigmas of a single value.
+/// Integers that fit the predicted baselines worse than this probability are not believed either; and the
+/// bound in sigmas of a single value.
 const MIN_PLAUSIBLE: f64 = 0.01;
 const PLAUSIBLE_SIGMAS: f64 = 2.326;
 /// Least standard deviation of the surveyed positions that is reckoned with here, m.

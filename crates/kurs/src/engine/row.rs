@@ -5,10 +5,14 @@ use crate::frames::{Geodetic, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
-use crate::solution::{EpochSolution, PointEstimate, PositionEstimate, PositionOrigin, Reason};
+use crate::solution::{
+    EpochSolution, IntegerReport, PointEstimate, PositionEstimate, PositionOrigin, Reason,
+    SignalReport,
+};
 
-use super::estimator::{Estimator, Judged};
+use super::estimator::{Estimator, Fixed, Judged};
 use super::locate::Located;
+use super::search::Found;
 use super::settings::Settings;
 
 impl Estimator {
@@ -44,32 +48,39 @@ impl Estimator {
     pub(super) fn fill(&self, row: &mut EpochSolution, judged: &Judged) {
         let fixed = &judged.oriented.fixed;
         let (epoch, fix) = (&fixed.epoch, &fixed.fix);
-        (row.status, row.reason) = (judged.status, judged.reason);
-        row.checks.clone_from(&judged.checks.0);
-        row.prediction = judged.prediction;
-        row.left_out = fixed.left_out;
+        let found = fix.found.as_ref().ok();
+        row.outcome = judged.outcome;
         row.satellites = epoch.float.satellites;
-        row.ambiguities = epoch.float.ambiguities_cycles.len();
-        row.success_rate = fix.success_rate;
-        row.ratio = fix.found.as_ref().ok().map(|found| found.ratio);
         row.residual_rms_m = fix.conditional.as_ref().map(|c| c.residual_rms_m);
-        row.baselines = fixed.baselines.local(&epoch.frame.horizon, judged.status);
-        row.attitude = judged.oriented.orientation.attitude.ok();
-        if self.settings.residuals {
-            let found = fix.found.as_ref().ok();
-            let sure = found.filter(|_| fix.is_sure());
-            let solved = Solved {
-                rovers: &fixed.baselines.rovers,
-                correction_m: &fixed.correction_m,
-                integers: sure.map(|found| found.integers.as_slice()),
-            };
-            row.residuals = signal_residuals(&epoch.links, &epoch.groups, &solved);
-            if let Some(found) = found {
-                row.integers = integer_sums(&epoch.links, &epoch.groups, &found.integers);
-                row.rivals = Some(found.rivals);
-            }
-        }
+        row.baselines = fixed.baselines.local(&epoch.frame.horizon, row.status());
+        row.integers = Some(IntegerReport {
+            ambiguities: epoch.float.ambiguities_cycles.len(),
+            success_rate: fix.success_rate,
+            ratio: found.map(|found| found.ratio),
+            checks: judged.checks.0.clone(),
+            left_out: fixed.left_out,
+            prediction: judged.prediction,
+        });
+        row.signals = self.settings.residuals.then(|| signal_report(fixed));
         place_body(row, &self.settings);
+    }
+}
+
+/// What the solution leaves of each signal, and the integers.
+fn signal_report(fixed: &Fixed) -> SignalReport {
+    let Fixed { epoch, fix, .. } = fixed;
+    let found = fix.found.as_ref().ok();
+    let sure = found.filter(|_| fix.is_sure());
+    let solved = Solved {
+        rovers: &fixed.baselines.rovers,
+        correction_m: &fixed.correction_m,
+        integers: sure.map(|found| found.integers.as_slice()),
+    };
+    let sums = |found: &Found| integer_sums(&epoch.links, &epoch.groups, &found.integers);
+    SignalReport {
+        residuals: signal_residuals(&epoch.links, &epoch.groups, &solved),
+        integers: found.map(sums).unwrap_or_default(),
+        rivals: found.map(|found| found.rivals),
     }
 }
 
@@ -77,7 +88,7 @@ impl Estimator {
 /// known: `G = A + Q (g − l)` (seed 004, equation 27).
 pub(crate) fn place_body(row: &mut EpochSolution, settings: &Settings) {
     let (Some(array), Some(position)) = (&settings.array, &mut row.position) else { return };
-    let ned_from_body = row.attitude.as_ref().and_then(|a| a.ned_from_body);
+    let ned_from_body = row.outcome.attitude().and_then(|a| a.ned_from_body);
     let (Some(ned_from_body), Some(antenna)) = (ned_from_body, position.antenna) else { return };
     let ecef_from_body = position.geodetic.ecef_from_ned() * ned_from_body;
     let (antenna, antenna_m) = (array.positions_m()[antenna], position.position_m);

@@ -98,6 +98,7 @@ impl Default for Settings {
 
 /// Settings that cannot work; afterwards configuration is no longer a reason to fail.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SettingsError {
     /// Fewer than two antennas.
     #[error("{found} antenna, at least two are needed for an attitude")]
@@ -120,14 +121,16 @@ pub enum SettingsError {
     #[error("a constraint needs the position of every antenna")]
     ConstraintWithoutPositions,
     /// A number outside its range.
-    #[error("{key} is {found}, expected {expected}")]
+    #[error("{field} is {found}, expected {low} to {high}")]
     OutOfRange {
-        /// Name of the setting.
-        key: &'static str,
+        /// The field of [`Settings`].
+        field: &'static str,
         /// What was given.
         found: f64,
-        /// What makes sense.
-        expected: &'static str,
+        /// The smallest value that makes sense.
+        low: f64,
+        /// The largest one.
+        high: f64,
     },
 }
 
@@ -154,26 +157,23 @@ impl Settings {
             Some(array) => array.check_extent()?,
             None => {}
         }
-        let within = |key, degrees_or_m: f64, range: core::ops::RangeInclusive<f64>, expected| {
-            if range.contains(&degrees_or_m) {
-                Ok(())
-            } else {
-                Err(SettingsError::OutOfRange { key, found: degrees_or_m, expected })
-            }
+        let within = |field, found: f64, low: f64, high: f64| {
+            let is_inside = (low..=high).contains(&found);
+            let refused = SettingsError::OutOfRange { field, found, low, high };
+            if is_inside { Ok(()) } else { Err(refused) }
         };
-        let mask_deg = self.elevation_mask_rad.to_degrees();
-        within("elevation_mask_deg", mask_deg, -5.0..=89.0, "-5 to 89 degrees")?;
-        let tilt_deg = self.max_tilt_rad.to_degrees();
-        within("max_tilt_deg", tilt_deg, 0.0..=180.0, "0 to 180 degrees")?;
-        let roll_sd_deg = self.roll_sd_rad.to_degrees();
-        within("roll_sd_deg", roll_sd_deg, 0.0..=180.0, "0 to 180 degrees")?;
-        let max_angle_sd_deg = self.max_angle_sd_rad.to_degrees();
-        within("max_angle_sd_deg", max_angle_sd_deg, 1e-3..=180.0, "0.001 to 180 degrees")?;
-        within("array_sd_m", self.array_sd_m, 0.0..=10.0, "0 to 10 m")?;
+        let angle = |field, found_rad, low_deg: f64, high_deg: f64| {
+            within(field, found_rad, low_deg.to_radians(), high_deg.to_radians())
+        };
+        angle("elevation_mask_rad", self.elevation_mask_rad, -5.0, 89.0)?;
+        angle("max_tilt_rad", self.max_tilt_rad, 0.0, 180.0)?;
+        angle("roll_sd_rad", self.roll_sd_rad, 0.0, 180.0)?;
+        angle("max_angle_sd_rad", self.max_angle_sd_rad, 1e-3, 180.0)?;
+        within("array_sd_m", self.array_sd_m, 0.0, 10.0)?;
         if let Ambiguities::Continuous(Motion::RandomWalk { m_per_sqrt_s }) = self.ambiguities {
-            within("random_walk_m", m_per_sqrt_s, 1e-6..=1e3, "1e-6 to 1000 m in a second")?;
+            within("m_per_sqrt_s", m_per_sqrt_s, 1e-6, 1e3)?;
         }
-        within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9..=0.5, "1e-9 to 0.5")
+        within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9, 0.5)
     }
 
     /// Whether satellites of this system are used at all; positions take all their bands.

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{Fit, FloatSolution};
 
 impl FloatSolution {
-    /// The same with the components `y = Uᵀ x + e` of its corrections `x` (3k) measured, `e ~ N(0, V)`:
+    /// The solution with the components `y = Uᵀ x + e` of its corrections `x` (3k) measured, `e ~ N(0, V)`:
     ///
     /// ```text
     /// S = Uᵀ Q_x̂ U + V,   K_· = Q_·x̂ U S⁻¹,   x̂ ← x̂ + K_x (y − Uᵀ x̂),   Q_x̂ ← Q_x̂ − K_x Uᵀ Q_x̂,   …

@@ -17,7 +17,7 @@ use crate::point::{self, NoPosition, PointSettings, PointSolution, Tracked};
 use crate::signal::{SPEED_OF_LIGHT_MPS, System};
 use crate::sky::NoiseModel;
 use crate::solution::{
-    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Reason, Status,
+    AttitudeEstimate, EpochSolution, Outcome, PositionEstimate, PositionOrigin, Reason,
 };
 use crate::time::GpsTime;
 
@@ -357,18 +357,17 @@ fn solution(filter: &ArmFilter, time: GpsTime) -> EpochSolution {
     let attitude = filter.angles().attitude();
     let position_covariance: Matrix3<f64> = filter.covariance().fixed_view::<3, 3>(0, 0).into();
     let velocity_mps: Vector<Ned> = ned_from_ecef * Vector::from_xyz(motion.velocity_mps);
+    let attitude = AttitudeEstimate {
+        heading_rad: Some(wrap_heading(attitude.heading_rad)),
+        pitch_rad: Some(attitude.pitch_rad),
+        roll_rad: Some(attitude.roll_rad),
+        covariance_rad2: angle_covariance(filter),
+        installation_rad2: Matrix3::zeros(),
+        ned_from_body: Some(attitude.ned_from_body()),
+        line_elevation_rad: None,
+    };
     EpochSolution {
-        status: Status::Float,
-        reason: None,
-        attitude: Some(AttitudeEstimate {
-            heading_rad: Some(wrap_heading(attitude.heading_rad)),
-            pitch_rad: Some(attitude.pitch_rad),
-            roll_rad: Some(attitude.roll_rad),
-            covariance_rad2: angle_covariance(filter),
-            installation_rad2: Matrix3::zeros(),
-            ned_from_body: Some(attitude.ned_from_body()),
-            line_elevation_rad: None,
-        }),
+        outcome: Outcome::Float { attitude: Some(attitude), reason: None },
         position: Some(PositionEstimate {
             antenna: None,
             geodetic,

@@ -23,7 +23,7 @@ use crate::engine::PredictedAttitude;
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::solution::{AttitudeEstimate, EpochSolution, PredictionRole, Reason, Status};
+use crate::solution::{AttitudeEstimate, EpochSolution, Outcome, PredictionRole, Reason, Status};
 use crate::time::GpsTime;
 
 /// A pause of the samples longer than so many usual steps has lost some of them.
@@ -196,7 +196,7 @@ impl AttitudeSession {
     ///
     /// [`TooLate`]: it came later than the window allows.
     pub fn push_row(&mut self, row: EpochSolution) -> Result<(), TooLate> {
-        match row.prediction {
+        match row.prediction() {
             Some(PredictionRole::Agreed) => self.confirming_fixes += 1,
             Some(PredictionRole::Refused) => self.confirming_fixes = 0,
             Some(PredictionRole::Decided) | None => {}
@@ -359,7 +359,7 @@ impl AttitudeSession {
             self.installation_rad2 = known.estimate.installation_rad2;
         }
         // The errors of code attitudes are no small turns: the first fix begins anew.
-        if self.angles(&row).is_some() && row.status == Status::Fixed && !self.began_at_fix {
+        if self.angles(&row).is_some() && row.is_fixed() && !self.began_at_fix {
             self.filter = None;
             self.smooth();
         }
@@ -377,23 +377,21 @@ impl AttitudeSession {
         };
         let used = corrected.attitude.used > 0;
         self.count(time_s, attitude.is_some(), &corrected);
-        if row.prediction == Some(PredictionRole::Refused) {
+        if row.prediction() == Some(PredictionRole::Refused) {
             self.locked_out_epochs += 1;
-        } else if used && row.status == Status::Fixed {
+        } else if used && row.is_fixed() {
             self.locked_out_epochs = 0;
         }
-        let status = match row.status {
-            Status::Fixed if used => Status::Fixed,
-            _ => Status::Float,
-        };
-        let reason = match (status, row.status) {
-            (Status::Fixed, _) => None,
+        let outcome = match row.outcome {
+            Outcome::Fixed { .. } if used => row.outcome,
             // A fix that the filter refuses does not fit what it predicts.
-            (_, Status::Fixed) => Some(Reason::Residuals),
-            _ => row.reason,
+            Outcome::Fixed { attitude } => {
+                Outcome::Float { attitude: Some(attitude), reason: Some(Reason::Residuals) }
+            }
+            other => Outcome::Float { attitude: other.attitude().copied(), reason: other.reason() },
         };
         let made = Made {
-            solution: EpochSolution { status, reason, ..row },
+            solution: EpochSolution { outcome, ..row },
             rate_radps,
             recorded: self.settings.smooth,
             installation_rad2: self.installation_rad2,
@@ -438,7 +436,7 @@ impl AttitudeSession {
         let (nominal, covariance) = (*filter.nominal(), filter.attitude_covariance());
         self.filter = Some(filter);
         self.last_used_s = time_s;
-        self.began_at_fix = made.solution.status == Status::Fixed;
+        self.began_at_fix = made.solution.is_fixed();
         (self.locked_out_epochs, self.confirming_fixes) = (0, 0);
         self.events.push((time_s, Event::Started));
         let solution = self.with_attitude(&made, &nominal, &covariance);
@@ -478,12 +476,12 @@ impl AttitudeSession {
 
     /// The angles of a row that may be used.
     fn angles<'a>(&self, row: &'a EpochSolution) -> Option<Known<'a>> {
-        let wanted = match row.status {
+        let wanted = match row.status() {
             Status::Fixed => true,
             Status::Float => self.settings.use_float,
             _ => false,
         };
-        let estimate = row.attitude.as_ref().filter(|_| wanted)?;
+        let estimate = row.attitude().filter(|_| wanted)?;
         Some(Known { estimate, heading_rad: estimate.heading_rad? })
     }
 
@@ -544,11 +542,15 @@ impl AttitudeSession {
         let ned_from_body = Rotation::from_matrix(matrix);
         let mut solution = made.solution.clone();
         let noise = AttitudeEstimate::full(ned_from_body, covariance);
-        solution.attitude = Some(AttitudeEstimate {
+        let attitude = AttitudeEstimate {
             covariance_rad2: noise.covariance_rad2 + made.installation_rad2,
             installation_rad2: made.installation_rad2,
             ..noise
-        });
+        };
+        solution.outcome = match solution.outcome {
+            Outcome::Fixed { .. } => Outcome::Fixed { attitude },
+            other => Outcome::Float { attitude: Some(attitude), reason: other.reason() },
+        };
         if let (Some(position), Some(_)) = (&mut solution.position, self.settings.velocity_sd_mps) {
             let turning = self.turning(&ned_from_body, &made.rate_radps);
             position.velocity_mps = Some(Vector::from_xyz(nominal.velocity_mps) + turning);
@@ -725,9 +727,7 @@ mod tests {
             let time = GpsTime::from_week_tow(2300, f64::from(second)).unwrap();
             session
                 .push_row(EpochSolution {
-                    status: Status::Fixed,
-                    reason: None,
-                    attitude: Some(attitude),
+                    outcome: Outcome::Fixed { attitude },
                     ..EpochSolution::lost(time, Reason::Ratio)
                 })
                 .unwrap();
@@ -740,8 +740,8 @@ mod tests {
             last = session.next_row().or(last);
         }
         let smoothed = session.into_smoothed();
-        let middle = smoothed[50].attitude.unwrap();
-        for found in [last.unwrap().solution.attitude.unwrap(), middle] {
+        let middle = *smoothed[50].attitude().unwrap();
+        for found in [*last.unwrap().solution.attitude().unwrap(), middle] {
             let heading_rad2 = found.covariance_rad2[(0, 0)];
             let left_rad2 = heading_rad2 - installation_rad2;
             assert!((1e-9..noise_rad2 / 5.0).contains(&left_rad2), "{heading_rad2}");

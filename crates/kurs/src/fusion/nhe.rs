@@ -81,7 +81,7 @@ impl Angles {
         }
     }
 
-    /// The same as a quaternion.
+    /// The rotation from body axes to level ones as a quaternion.
     #[must_use]
     pub fn quaternion(&self) -> UnitQuaternion<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.nhe_from_body());

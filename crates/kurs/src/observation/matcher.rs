@@ -91,7 +91,7 @@ impl Matcher {
         }
     }
 
-    /// The same that waits no longer than the deadline.
+    /// A matcher that waits no longer than the deadline.
     #[must_use]
     pub const fn with_deadline(mut self, deadline: Deadline) -> Self {
         self.deadline = Some(deadline);

@@ -20,7 +20,7 @@ use crate::attitude::weighted::logarithm;
 use crate::attitude::{AttitudeError, MeasuredLine, VerticalMemory, three_point};
 use crate::frames::{Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
 use crate::solution::{
-    AttitudeEstimate, BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate,
+    AttitudeEstimate, BaselineEstimate, EpochSolution, Outcome, PointEstimate, PositionEstimate,
     PositionOrigin, Reason, Status,
 };
 use crate::time::GpsTime;
@@ -184,7 +184,7 @@ impl Orienter {
             Err(NoFit::TwoMinima) => refuse(&mut row, Reason::TwoMinima),
             Err(NoFit::BadInput) => refuse(&mut row, Reason::BadInput),
         }
-        if let (Some(attitude), Status::Fixed) = (&row.attitude, row.status) {
+        if let Outcome::Fixed { attitude } = &row.outcome {
             memory.remember(row.time, attitude);
         }
         row
@@ -231,8 +231,7 @@ impl Orienter {
         row.antennas = local.points.len() - usize::from(fit.excluded.is_some());
         row.residual_rms_m = Some(fit.residual_rms_m);
         let mut used_points = local.points.iter().enumerate().filter(|(index, _)| used(*index));
-        row.reason = used_points.find_map(|(_, point)| point.doubt);
-        row.status = if row.reason.is_none() { Status::Fixed } else { Status::Float };
+        let doubt = used_points.find_map(|(_, point)| point.doubt);
         row.baselines = baselines(local, |index| match (used(index), local.points[index].doubt) {
             (false, _) => Status::Inconsistent,
             (true, None) => Status::Fixed,
@@ -279,10 +278,10 @@ impl Orienter {
             FitKind::Line { direction, .. } => direction.max_sd_rad() > max_sd_rad,
             FitKind::Body { .. } => certain != attitude,
         };
-        if is_weak && row.status == Status::Fixed {
-            (row.status, row.reason) = (Status::Float, Some(Reason::WeakModel));
-        }
-        row.attitude = Some(certain);
+        row.outcome = match doubt.or(is_weak.then_some(Reason::WeakModel)) {
+            None => Outcome::Fixed { attitude: certain },
+            reason => Outcome::Float { attitude: Some(certain), reason },
+        };
         if let (FitKind::Body { minimum, normal }, Some(rotation)) =
             (&fit.kind, attitude.ned_from_body)
         {
@@ -334,7 +333,7 @@ impl Orienter {
 }
 
 fn refuse(row: &mut EpochSolution, reason: Reason) {
-    (row.status, row.reason) = (Status::Inconsistent, Some(reason));
+    row.outcome = Outcome::Inconsistent { attitude: None, reason };
 }
 
 fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEstimate {

@@ -13,7 +13,7 @@
 use super::geometry::{self, EstimatedGeometry, GeometryError};
 use super::{AntennaFix, PositionEpoch};
 use crate::frames::{Body, Vector};
-use crate::solution::{EpochSolution, Status};
+use crate::solution::EpochSolution;
 
 /// Distances that are looked at for the autocorrelation, spread evenly.
 const MAX_DISTANCES: usize = 5000;
@@ -48,7 +48,7 @@ impl Survey {
 
     /// Takes the baselines of a fixed epoch; others are passed over.
     pub fn add(&mut self, row: &EpochSolution) {
-        let Some(position) = row.position.filter(|_| row.status == Status::Fixed) else { return };
+        let Some(position) = row.position.filter(|_| row.is_fixed()) else { return };
         let ecef_from_enu =
             (crate::frames::enu_from_ned() * position.geodetic.ned_from_ecef()).inverse();
         let mut antennas = vec![None; self.antennas];

@@ -135,7 +135,7 @@ fn cosine(sight: &Vector3<f64>, axis: Vector3<f64>) -> (f64, Vector3<f64>) {
     (cosine, (axis - unit * cosine) / range)
 }
 
-/// The same angle in (−π, π].
+/// An angle turned into (−π, π].
 #[must_use]
 pub fn wrap(angle_rad: f64) -> f64 {
     if -PI < angle_rad && angle_rad <= PI {

@@ -185,7 +185,7 @@ impl<'a> Problem<'a> {
         self.factor.as_ref()
     }
 
-    /// The same stations with other values; only the values may differ. Correlations are dropped:
+    /// The problem of these stations with other values; only the values may differ. Correlations are dropped:
     /// closed forms do not use them.
     pub(super) const fn with_values<'b>(&self, measurements: &'b [Measurement]) -> Problem<'b>
     where

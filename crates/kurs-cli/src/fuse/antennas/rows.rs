@@ -140,7 +140,7 @@ impl Rows {
         let time = TimeColumns::new(solution.time);
         self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
-        self.total.add(&row.health, solution.prediction);
+        self.total.add(&row.health, solution.prediction());
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -177,7 +177,7 @@ impl Rows {
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
         t.real(Some(health.without_samples_s), 3);
-        t.text(row.solution.prediction.map_or("", PredictionRole::word));
+        t.text(row.solution.prediction().map_or("", PredictionRole::word));
         t.text(&events::in_one_field(&row.events));
         t.end_row()
     }

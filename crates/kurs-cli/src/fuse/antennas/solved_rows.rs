@@ -5,7 +5,8 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use kurs::frames::{Geodetic, Rotation, Vector};
 use kurs::solution::{
-    AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin, Reason, Status,
+    AttitudeEstimate, EpochSolution, IntegerReport, Outcome, PositionEstimate, PositionOrigin,
+    Reason, Status,
 };
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
@@ -54,7 +55,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damag
         bail!("{name}: no usable row");
     }
     if let Some(sd_rad) = installation_sd_rad(&path.with_file_name("summary.json"))? {
-        rows.iter_mut().filter_map(|row| row.attitude.as_mut()).for_each(|attitude| {
+        rows.iter_mut().filter_map(|row| row.outcome.attitude_mut()).for_each(|attitude| {
             attitude.installation_rad2 = installation_part(&attitude.covariance_rad2, sd_rad);
         });
     }
@@ -97,31 +98,42 @@ impl Fields<'_> {
         let week: i32 = self.text("gps_week").parse().map_err(|_| self.wrong("gps_week"))?;
         let tow_s = self.number("tow_s")?.ok_or_else(|| self.wrong("tow_s"))?;
         let time = GpsTime::from_week_tow(week, tow_s).ok_or_else(|| self.wrong("tow_s"))?;
-        let known = Status::ALL.iter().find(|status| status.word() == self.text("status"));
-        let status = *known.ok_or_else(|| self.wrong("status"))?;
         let count = |name: &str| self.text(name).parse().unwrap_or(0);
-        Ok(EpochSolution {
-            status,
-            reason: Reason::ALL.into_iter().find(|reason| reason.word() == self.text("reason")),
-            antennas: count("antennas"),
-            satellites: count("satellites"),
-            ambiguities: count("ambiguities"),
-            attitude: self.attitude()?,
-            success_rate: self.number("success_rate")?,
-            ratio: self.number("ratio")?,
-            residual_rms_m: self.number("residual_rms_m")?,
-            position: self.position()?,
-            ..EpochSolution::lost(time, Reason::BadInput)
+        let mut row = EpochSolution::lost(time, Reason::BadInput);
+        row.outcome = self.outcome()?;
+        row.antennas = count("antennas");
+        row.satellites = count("satellites");
+        row.residual_rms_m = self.number("residual_rms_m")?;
+        row.position = self.position()?;
+        let mut integers = IntegerReport::default();
+        integers.ambiguities = count("ambiguities");
+        integers.success_rate = self.number("success_rate")?;
+        integers.ratio = self.number("ratio")?;
+        row.integers = Some(integers);
+        Ok(row)
+    }
+
+    fn outcome(&self) -> Result<Outcome, String> {
+        let known = Status::ALL.iter().find(|status| status.word() == self.text("status"));
+        let known_reason = || Reason::ALL.into_iter().find(|r| r.word() == self.text("reason"));
+        let reason = || known_reason().ok_or_else(|| self.wrong("reason"));
+        let attitude = self.attitude()?;
+        let with_heading = Some(attitude).filter(|attitude| attitude.heading_rad.is_some());
+        Ok(match known.ok_or_else(|| self.wrong("status"))? {
+            Status::Fixed => Outcome::Fixed { attitude },
+            Status::Float => Outcome::Float { attitude: with_heading, reason: known_reason() },
+            Status::Inconsistent => {
+                Outcome::Inconsistent { attitude: with_heading, reason: reason()? }
+            }
+            Status::Lost => Outcome::Lost { reason: reason()? },
+            Status::NotCapable => Outcome::NotCapable,
         })
     }
 
-    fn attitude(&self) -> Result<Option<AttitudeEstimate>, String> {
+    fn attitude(&self) -> Result<AttitudeEstimate, String> {
         let angle = |name: &str| Ok::<_, String>(self.number(name)?.map(f64::to_radians));
         let [heading_rad, pitch_rad, roll_rad] =
             [angle("heading_deg")?, angle("pitch_deg")?, angle("roll_deg")?];
-        if heading_rad.is_none() {
-            return Ok(None);
-        }
         let mut covariance_deg2 = Matrix3::zeros();
         for (k, name) in ["heading_sd_deg", "pitch_sd_deg", "roll_sd_deg"].iter().enumerate() {
             covariance_deg2[(k, k)] = self.number(name)?.unwrap_or(0.0).powi(2);
@@ -143,7 +155,7 @@ impl Fields<'_> {
             return Err(format!("qw, qx, qy, qz: length {norm:.6}, expected 1"));
         }
         let radian = 1f64.to_radians();
-        Ok(Some(AttitudeEstimate {
+        Ok(AttitudeEstimate {
             heading_rad,
             pitch_rad,
             roll_rad,
@@ -151,7 +163,7 @@ impl Fields<'_> {
             installation_rad2: Matrix3::zeros(),
             ned_from_body: is_whole.then(|| Rotation::from_quaternion(quaternion)),
             line_elevation_rad: angle("line_elevation_deg")?,
-        }))
+        })
     }
 
     fn position(&self) -> Result<Option<PositionEstimate>, String> {

@@ -9,7 +9,7 @@ use kurs::differential::Differential;
 use kurs::fusion::attitude_session::{AttitudeSession, ImuSample};
 use kurs::fusion::time_order::TooLate;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::{EpochSolution, Reason, Status};
+use kurs::solution::{EpochSolution, Reason};
 use kurs::time::GpsTime;
 
 use super::config::{AntennasConfig, RowsFrom};
@@ -123,7 +123,7 @@ impl Source {
                 let news = chain.streams.news(&chain.epoch);
                 news.iter().for_each(|news| chain.engine.insert(news));
                 let row = session.solve(&chain.epoch, &mut chain.engine, sample);
-                chain.progress.epoch(row.status == Status::Fixed, || chain.streams.share());
+                chain.progress.epoch(row.is_fixed(), || chain.streams.share());
                 session.push_row(row)
             }
             (Next::Epoch(_), Kind::Solved(_)) => Ok(()),

@@ -29,8 +29,8 @@ fn refused(places_m: &[[f64; 3]], duration_s: f64, seed: u64) -> Refused {
     scene.run(
         |_, epoch| vec![epoch],
         |time_s, row, _| {
-            *count.entry((row.status, row.reason)).or_default() += 1;
-            if row.status == Status::Fixed {
+            *count.entry((row.status(), row.reason())).or_default() += 1;
+            if row.is_fixed() {
                 (found.fixed, found.last_fixed_s) = (found.fixed + 1, time_s);
             }
         },

@@ -5,7 +5,7 @@ use kurs::array::AntennaArray;
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::observation::ArrayEpoch;
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::EpochSolution;
 use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, BodyEpoch, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
@@ -109,7 +109,7 @@ pub(crate) enum Outcome {
 
 impl Outcome {
     fn of(row: &EpochSolution, truth: &BodyEpoch) -> Self {
-        if row.status != Status::Fixed {
+        if !row.is_fixed() {
             return Self::NotFixed;
         }
         let from = |b: usize| {

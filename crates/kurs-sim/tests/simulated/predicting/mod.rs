@@ -29,7 +29,7 @@ const DEGREE_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 pub(crate) enum Case {
     /// Two antennas a metre apart, GPS L1 of six satellites.
     SixSatellites,
-    /// The same of seven.
+    /// Two antennas a metre apart, GPS L1 of seven satellites.
     SevenSatellites,
     /// The car between houses, four antennas, L1 and E1, reflections.
     Urban,
@@ -99,7 +99,7 @@ pub(crate) enum Fault {
     None,
     /// The gyro shows so much more than the body turns about the vertical, °/s.
     GyroBias(f64),
-    /// The same from [`JOLT_S`] only.
+    /// The gyro shows so much more about the vertical, °/s, from [`JOLT_S`] on.
     GyroJolt(f64),
     /// The predicted heading is off by so much, degrees, and trusted from the first epoch on.
     Heading(f64),
@@ -119,9 +119,9 @@ impl Judged {
     fn new(time_s: f64, row: &EpochSolution, cycles: &TrueCycles) -> Self {
         Self {
             time_s,
-            status: row.status,
-            integers: cycles.judge(&row.integers),
-            prediction: row.prediction,
+            status: row.status(),
+            integers: cycles.judge(solving::sums(row)),
+            prediction: row.prediction(),
         }
     }
 

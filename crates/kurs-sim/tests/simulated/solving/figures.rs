@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use kurs::chi_square::chi_square_tail;
 use kurs::frames::{Geodetic, enu_from_ned};
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::EpochSolution;
 use kurs_sim::simulation::BodyTruth;
 
 use super::{Integers, known_angle_errors};
@@ -42,8 +42,8 @@ impl Figures {
     pub(crate) fn take(&mut self, truth: &BodyTruth, row: &EpochSolution, integers: Integers) {
         self.rows += 1;
         self.take_position(truth, row);
-        if row.status != Status::Fixed {
-            let word = row.reason.map_or("none", |reason| reason.word());
+        if !row.is_fixed() {
+            let word = row.reason().map_or("none", |reason| reason.word());
             *self.reasons.entry(word).or_default() += 1;
             return;
         }
@@ -126,7 +126,7 @@ impl Figures {
 fn unit_angle_errors(truth: &BodyTruth, row: &EpochSolution) -> [Option<f64>; 3] {
     let errors = known_angle_errors(truth, row);
     core::array::from_fn(|k| {
-        let variance = row.attitude.as_ref()?.covariance_rad2[(k, k)];
+        let variance = row.attitude()?.covariance_rad2[(k, k)];
         errors[k].map(|error| error / variance.sqrt())
     })
 }

@@ -15,7 +15,7 @@ use kurs::float_solution::recursive::Motion;
 use kurs::frames::{Vector, enu_from_ned};
 use kurs::signal::{Satellite, Signal};
 use kurs::sky::NoiseModel;
-use kurs::solution::{EpochSolution, IntegerSum, Status};
+use kurs::solution::{EpochSolution, IntegerSum};
 use kurs_sim::scenario::{Law, Scenario};
 use kurs_sim::simulation::{Attachments, BodyTruth, SimulatedEpoch, Simulation};
 use nalgebra::{Matrix3, Vector3};
@@ -86,7 +86,7 @@ pub(crate) fn as_told(scenario: &Scenario, constraint: Constraint) -> Settings {
     Settings { noise: Settings::default().noise, ..settings(scenario, constraint) }
 }
 
-/// The same with ambiguities carried from epoch to epoch.
+/// Settings with ambiguities that are carried from epoch to epoch.
 pub(crate) fn continuous(settings: Settings) -> Settings {
     Settings { ambiguities: Ambiguities::Continuous(Motion::Free), ..settings }
 }
@@ -116,7 +116,7 @@ pub(crate) fn solve_each(
         let body = &epoch.bodies[0];
         for (k, engine) in engines.iter_mut().enumerate() {
             let row = engine.push(&body.observed);
-            take(k, &body.truth, &row, cycles.judge(&row.integers));
+            take(k, &body.truth, &row, cycles.judge(sums(&row)));
         }
     }
 }
@@ -190,6 +190,11 @@ impl TrueCycles {
     }
 }
 
+/// The integers of a row; none where they were not wanted or not found.
+pub(crate) fn sums(row: &EpochSolution) -> &[IntegerSum] {
+    row.signals.as_ref().map_or(&[], |signals| &signals.integers)
+}
+
 /// Errors of heading, pitch and roll, rad, where all three are known.
 pub(crate) fn angle_errors(truth: &BodyTruth, row: &EpochSolution) -> Option<Vector3<f64>> {
     let [heading, pitch, roll] = known_angle_errors(truth, row);
@@ -198,7 +203,7 @@ pub(crate) fn angle_errors(truth: &BodyTruth, row: &EpochSolution) -> Option<Vec
 
 /// Errors of those of heading, pitch and roll, rad, that are known.
 pub(crate) fn known_angle_errors(truth: &BodyTruth, row: &EpochSolution) -> [Option<f64>; 3] {
-    let Some(attitude) = &row.attitude else { return [None; 3] };
+    let Some(attitude) = row.attitude() else { return [None; 3] };
     let about_the_circle = |error_rad: f64| error_rad.sin().atan2(error_rad.cos());
     [
         attitude.heading_rad.map(|rad| about_the_circle(rad - truth.attitude.heading_rad)),
@@ -241,12 +246,12 @@ impl Tally {
     /// Takes an epoch in.
     pub(crate) fn add(&mut self, truth: &BodyTruth, row: &EpochSolution, integers: Integers) {
         self.epochs += 1;
-        if row.status != Status::Fixed {
+        if !row.is_fixed() {
             return;
         }
         self.fixed += 1;
         self.wrong += usize::from(integers != Integers::Right);
-        if let (Some(error), Some(attitude)) = (angle_errors(truth, row), &row.attitude) {
+        if let (Some(error), Some(attitude)) = (angle_errors(truth, row), row.attitude()) {
             self.squares += error.component_mul(&error);
             self.normalised += normalised_square(&error, &attitude.covariance_rad2);
         }

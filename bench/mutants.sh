@@ -1,0 +1,28 @@
+#!/bin/sh
+# Which changes of the engine its tests notice (cargo install cargo-mutants).
+#
+#   bench/mutants.sh all            every mutant of acceptance, velocity and the matcher
+#   bench/mutants.sh sample [K/N]   every N-th one, from the K-th on, of the engine, the differences and the float solution (0/8)
+#
+# Survivors stand in target/mutants.out/missed.txt.
+set -eu
+cd "$(dirname "$0")/.."
+src=crates/kurs/src
+
+case "${1:-all}" in
+all)
+    set -- --file "$src/engine/acceptance.rs" --file "$src/point/velocity.rs" --file "$src/observation/matcher.rs"
+    ;;
+sample)
+    set -- --file "$src/engine/*.rs" --file "$src/difference/*.rs" --file "$src/float_solution.rs" --file "$src/float_solution/*.rs" \
+        --exclude "$src/engine/acceptance.rs" --shard "${2:-0/8}" --sharding round-robin
+    ;;
+*)
+    echo "usage: $0 all | sample [K/N]" >&2
+    exit 2
+    ;;
+esac
+
+# Unoptimised, so that a mutant is built as fast as possible.
+CARGO_PROFILE_TEST_OPT_LEVEL=0 CARGO_PROFILE_TEST_DEBUG=0 \
+    cargo mutants -p kurs --jobs 1 --output target "$@" -- --lib --test engine
