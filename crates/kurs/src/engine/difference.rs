@@ -25,9 +25,9 @@ impl Estimator {
         located: &mut Vec<Located>,
         row: &mut EpochSolution,
     ) -> Result<Epoch, Reason> {
-        let is_pinned = self.settings.first_antenna_m.is_some();
+        let pinned_m = self.settings.first_antenna_m;
         loop {
-            let frame = select(located, is_pinned, &mut row.idle_antennas)?;
+            let frame = select(located, pinned_m, &mut row.idle_antennas)?;
             let mut links = core::mem::take(&mut self.links);
             self.form_links(navigation, observed, located, &frame, &mut links);
             let groups = difference::group(&mut links);
@@ -39,7 +39,7 @@ impl Estimator {
                     return Ok(Epoch { time, frame, links, groups, float, code_fit, began_anew });
                 }
                 Err(_) => {
-                    let weakest = weakest(located, &links, is_pinned);
+                    let weakest = weakest(located, &links, pinned_m.is_some());
                     self.links = links;
                     let reason = Reason::FewSatellites;
                     let Some(weakest) = weakest.filter(|_| located.len() > 2) else {

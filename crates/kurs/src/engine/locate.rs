@@ -97,14 +97,16 @@ pub(super) fn locate(
 }
 
 /// Leaves out the antennas that cannot take part – into `idle`, with the reason of each – and gives the
-/// approximate positions of the others at the instant of the first one. A pinned reference stays.
+/// approximate positions of the others at the instant of the first one. A pinned reference, whose place is
+/// known, stays whatever it measured.
 ///
 /// An antenna without a position of its own has too few satellites for a baseline too.
 pub(super) fn select(
     located: &mut Vec<Located>,
-    is_pinned: bool,
+    pinned_m: Option<Vector<Ecef>>,
     idle: &mut Vec<(usize, Reason)>,
 ) -> Result<CommonFrame, Reason> {
+    let is_pinned = pinned_m.is_some();
     if located.len() < 2 {
         return Err(idle.last().map_or(Reason::FewAntennas, |(_, reason)| *reason));
     }
@@ -135,7 +137,7 @@ pub(super) fn select(
         let worst = idle.iter().map(|(_, reason)| *reason).rev().max_by_key(|r| count(*r));
         return Err(worst.unwrap_or(Reason::FewAntennas));
     }
-    Ok(common_frame(located))
+    common_frame(located, pinned_m).ok_or(Reason::FewSatellites)
 }
 
 /// The instant of the antenna that most others were sampled together with; of a pinned reference its own.
@@ -149,9 +151,11 @@ fn most_together(located: &[Located], is_pinned: bool) -> Option<GpsTime> {
     candidates.iter().rev().max_by_key(|one| beside(one)).map(Located::instant)
 }
 
-/// Approximate positions of antennas that all have one.
-fn common_frame(located: &[Located]) -> CommonFrame {
+/// Approximate positions of antennas that all have one, but for a reference at a known place.
+fn common_frame(located: &[Located], pinned_m: Option<Vector<Ecef>>) -> Option<CommonFrame> {
     let reference = &located[0];
+    let own_m = |one: &Located| one.point.as_ref().ok().map(|point| point.position_m);
+    let reference_m = pinned_m.or_else(|| own_m(reference))?;
     let velocity_mps = located
         .iter()
         .find_map(|one| one.velocity)
@@ -159,22 +163,22 @@ fn common_frame(located: &[Located]) -> CommonFrame {
     let mut positions_m: Vec<Vector<Ecef>> = Vec::with_capacity(located.len());
     let mut approximate_m = Vec::with_capacity(located.len() - 1);
     for one in located {
-        let own_m = one.point.as_ref().map(|point| point.position_m);
-        let position_m = own_m.unwrap_or_else(|_| positions_m[0]);
+        let is_reference = one.antenna == reference.antenna;
+        let position_m = if is_reference { reference_m } else { own_m(one)? };
         positions_m.push(position_m);
-        if one.antenna != reference.antenna {
+        if !is_reference {
             let later_s = one.instant() - reference.instant();
             // The body moved on between the two receivers' instants: b = x₁(t₁) − x₀(t₀) − v (t₁ − t₀)
-            approximate_m.push(position_m - positions_m[0] - velocity_mps * later_s);
+            approximate_m.push(position_m - reference_m - velocity_mps * later_s);
         }
     }
-    CommonFrame {
+    Some(CommonFrame {
         reference: reference.antenna,
         antennas: located.iter().map(|l| l.antenna).collect(),
-        horizon: Horizon::at(positions_m[0]),
+        horizon: Horizon::at(reference_m),
         positions_m,
         approximate_m,
-    }
+    })
 }
 
 impl Located {
