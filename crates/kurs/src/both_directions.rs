@@ -14,7 +14,7 @@
 //! [`Direction::Backward`]: crate::engine::Direction::Backward
 
 use crate::chi_square::chi_square_tail;
-use crate::solution::{BaselineEstimate, EpochSolution, Reason, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, Outcome, Reason, Status};
 use crate::time::GpsTime;
 
 /// Two fixes with the same integers disagree this rarely, as a share: the level of all checks of right integers.
@@ -37,8 +37,8 @@ struct Hindsight {
 impl BackwardRows {
     /// Takes the next row of the backward run: each is of an earlier epoch than the one before.
     pub fn push(&mut self, row: EpochSolution) {
-        let (time, reason) = (row.time, row.reason);
-        let fixed = (row.status == Status::Fixed).then(|| Box::new(row));
+        let (time, reason) = (row.time, row.reason());
+        let fixed = row.is_fixed().then(|| Box::new(row));
         self.rows.push(Hindsight { time, reason, fixed });
     }
 
@@ -50,8 +50,7 @@ impl BackwardRows {
         let Some(backward) = self.rows.pop_if(|row| row.time == forward.time) else {
             return forward;
         };
-        let is_fixed = forward.status == Status::Fixed;
-        match (is_fixed, backward.fixed) {
+        match (forward.is_fixed(), backward.fixed) {
             (true, Some(backward)) if !agree(&forward, &backward) => {
                 refused(forward, Reason::Contradiction)
             }
@@ -60,7 +59,7 @@ impl BackwardRows {
                 Some(reason) if blames_the_array(reason) => refused(forward, reason),
                 _ => forward,
             },
-            (false, Some(_)) if forward.reason.is_some_and(blames_the_array) => forward,
+            (false, Some(_)) if forward.reason().is_some_and(blames_the_array) => forward,
             (false, Some(backward)) => *backward,
             (false, None) => forward,
         }
@@ -74,7 +73,7 @@ fn blames_the_array(reason: Reason) -> bool {
 
 /// The row with a fix that is not believed.
 fn refused(mut row: EpochSolution, reason: Reason) -> EpochSolution {
-    (row.status, row.reason) = (Status::Inconsistent, Some(reason));
+    row.outcome = Outcome::Inconsistent { attitude: row.attitude().copied(), reason };
     row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
     row
 }
@@ -103,17 +102,27 @@ mod tests {
 
     use super::*;
     use crate::frames::Vector;
+    use crate::solution::AttitudeEstimate;
 
     const SD_M: f64 = 0.003;
+    const LEVEL: AttitudeEstimate = AttitudeEstimate {
+        heading_rad: Some(0.0),
+        pitch_rad: None,
+        roll_rad: None,
+        covariance_rad2: Matrix3::new(1e-6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        installation_rad2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        ned_from_body: None,
+        line_elevation_rad: None,
+    };
 
-    fn row(time_s: f64, east_m: f64, status: Status, reason: Option<Reason>) -> EpochSolution {
+    fn row(time_s: f64, east_m: f64, outcome: Outcome) -> EpochSolution {
         let time = GpsTime::from_week_tow(2300, time_s).unwrap();
         let mut row = EpochSolution::lost(time, Reason::FewAntennas);
-        (row.status, row.reason) = (status, reason);
+        row.outcome = outcome;
         row.baselines = vec![BaselineEstimate {
             base: 0,
             rover: 1,
-            status,
+            status: row.status(),
             baseline_m: Vector::new(east_m, 1.0, 0.0),
             covariance_m2: Matrix3::identity() * (SD_M * SD_M),
         }];
@@ -121,11 +130,11 @@ mod tests {
     }
 
     fn fixed(time_s: f64, east_m: f64) -> EpochSolution {
-        row(time_s, east_m, Status::Fixed, None)
+        row(time_s, east_m, Outcome::Fixed { attitude: LEVEL })
     }
 
     fn unsure(time_s: f64) -> EpochSolution {
-        row(time_s, 0.0, Status::Float, Some(Reason::Ratio))
+        row(time_s, 0.0, Outcome::Float { attitude: None, reason: Some(Reason::Ratio) })
     }
 
     fn joined(forward: EpochSolution, backward: EpochSolution) -> EpochSolution {
@@ -137,7 +146,7 @@ mod tests {
     #[test]
     fn two_fixes_that_agree_are_fixed() {
         let row = joined(fixed(1.0, 2.0), fixed(1.0, 2.01));
-        assert_eq!((row.status, row.reason), (Status::Fixed, None));
+        assert_eq!((row.status(), row.reason()), (Status::Fixed, None));
         assert_eq!(row.baselines[0].baseline_m.xyz().x, 2.0);
     }
 
@@ -146,22 +155,22 @@ mod tests {
         // 5 cm are 11.8 standard deviations of the difference.
         let row = joined(fixed(1.0, 2.0), fixed(1.0, 2.05));
         let refused = (Status::Inconsistent, Some(Reason::Contradiction));
-        assert_eq!((row.status, row.reason), refused);
+        assert_eq!((row.status(), row.reason()), refused);
         assert_eq!(row.baselines[0].status, Status::Inconsistent);
     }
 
     #[test]
     fn the_only_fix_stands() {
-        assert_eq!(joined(fixed(1.0, 2.0), unsure(1.0)).status, Status::Fixed);
+        assert_eq!(joined(fixed(1.0, 2.0), unsure(1.0)).status(), Status::Fixed);
         let row = joined(unsure(1.0), fixed(1.0, 2.0));
-        assert_eq!((row.status, row.baselines[0].baseline_m.xyz().x), (Status::Fixed, 2.0));
+        assert_eq!((row.status(), row.baselines[0].baseline_m.xyz().x), (Status::Fixed, 2.0));
     }
 
     #[test]
     fn a_length_found_wrong_from_one_end_is_wrong_from_the_other() {
-        let wrong = |time_s| row(time_s, 2.0, Status::Inconsistent, Some(Reason::Length));
-        assert_eq!(joined(fixed(1.0, 2.0), wrong(1.0)).reason, Some(Reason::Length));
-        assert_eq!(joined(wrong(1.0), fixed(1.0, 2.0)).reason, Some(Reason::Length));
+        let wrong = |time_s| row(time_s, 2.0, Outcome::Inconsistent { attitude: None, reason: Reason::Length });
+        assert_eq!(joined(fixed(1.0, 2.0), wrong(1.0)).reason(), Some(Reason::Length));
+        assert_eq!(joined(wrong(1.0), fixed(1.0, 2.0)).reason(), Some(Reason::Length));
     }
 
     #[test]
@@ -169,8 +178,8 @@ mod tests {
         let mut rows = BackwardRows::default();
         [3.0, 2.0, 1.0].into_iter().for_each(|time_s| rows.push(fixed(time_s, time_s)));
         assert_eq!(rows.join(unsure(2.0)).baselines[0].baseline_m.xyz().x, 2.0);
-        assert_eq!(rows.join(unsure(2.5)).status, Status::Float);
+        assert_eq!(rows.join(unsure(2.5)).status(), Status::Float);
         assert_eq!(rows.join(unsure(3.0)).baselines[0].baseline_m.xyz().x, 3.0);
-        assert_eq!(rows.join(unsure(4.0)).status, Status::Float);
+        assert_eq!(rows.join(unsure(4.0)).status(), Status::Float);
     }
 }
