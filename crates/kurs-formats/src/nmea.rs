@@ -411,8 +411,8 @@ mod tests {
         let mut row = row(before_midnight(), 359.9996);
         let found = sentences(&mut Encoder::new(Profile::Gpsd), &row);
         assert_eq!(found[4..], ["$PTNTHTM,0.000,N,-2.000,N,1.003,N,,"]);
-        let attitude = row.attitude.as_mut().unwrap();
-        attitude.roll_rad = None;
+        let attitude = AttitudeEstimate { roll_rad: None, ..*row.attitude().unwrap() };
+        row.outcome = Outcome::Fixed { attitude };
         let found = sentences(&mut Encoder::new(Profile::Gpsd), &row);
         assert_eq!(found[4..], ["$PTNTHTM,0.000,N,-2.000,N,,,,"]);
     }

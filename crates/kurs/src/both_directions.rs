@@ -168,7 +168,9 @@ mod tests {
 
     #[test]
     fn a_length_found_wrong_from_one_end_is_wrong_from_the_other() {
-        let wrong = |time_s| row(time_s, 2.0, Outcome::Inconsistent { attitude: None, reason: Reason::Length });
+        let wrong = |time_s| {
+            row(time_s, 2.0, Outcome::Inconsistent { attitude: None, reason: Reason::Length })
+        };
         assert_eq!(joined(fixed(1.0, 2.0), wrong(1.0)).reason(), Some(Reason::Length));
         assert_eq!(joined(wrong(1.0), fixed(1.0, 2.0)).reason(), Some(Reason::Length));
     }

@@ -391,6 +391,18 @@ impl EpochSolution {
         }
     }
 
+    /// What the solution leaves of each signal; empty unless wanted.
+    #[must_use]
+    pub fn residuals(&self) -> &[SignalResidual] {
+        self.signals.as_ref().map_or(&[], |signals| &signals.residuals)
+    }
+
+    /// The best integers, accepted or not; empty unless wanted.
+    #[must_use]
+    pub fn integer_sums(&self) -> &[IntegerSum] {
+        self.signals.as_ref().map_or(&[], |signals| &signals.integers)
+    }
+
     /// How far the epoch got.
     #[must_use]
     pub const fn status(&self) -> Status {

@@ -161,7 +161,7 @@ impl Patient<'_> {
         let configured = if is_misshapen { &[][..] } else { &trials.configured.rows };
         let rms = |of: ResidualOf, antenna: Option<usize>| {
             let rows = configured.iter().chain(&trials.free.rows);
-            let residuals = rows.flat_map(|row| row.signals.iter().flat_map(|s| &s.residuals));
+            let residuals = rows.flat_map(|row| row.residuals());
             let chosen = residuals.filter(|r| antenna.is_none_or(|a| r.antenna == a));
             let at_zenith = chosen.filter_map(|r| Some(of(r)? * r.elevation_rad.sin()));
             let (sum, count) = at_zenith.fold((0.0, 0.0), |(s, n), r| (s + r * r, n + 1.0));

@@ -175,7 +175,7 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
     let rows = &trials.configured.rows;
     let noise = noise::noise(rows, &settings.noise, &names);
     let mut views = Views::default();
-    rows.iter().for_each(|row| views.add(&row.residuals));
+    rows.iter().for_each(|row| views.add(row.residuals()));
     let patient = Patient {
         names: &names,
         settings: &settings,

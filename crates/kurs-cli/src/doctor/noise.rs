@@ -26,7 +26,7 @@ type Squares = (f64, u32);
 /// Every receiver on every band. Of two antennas the residuals are shared between both: they tell the pair.
 pub(super) fn noise(rows: &[EpochSolution], model: &NoiseModel, names: &[String]) -> Vec<NoiseRow> {
     let mut sums: BTreeMap<(usize, Band), [Squares; 2]> = BTreeMap::new();
-    for residual in rows.iter().flat_map(|row| &row.residuals) {
+    for residual in rows.iter().flat_map(EpochSolution::residuals) {
         let SignalResidual { antenna, signal, elevation_rad, code_m, phase_m, .. } = *residual;
         let of_band = sums.entry((antenna, signal.band)).or_default();
         let kinds = [(code_m, model.code_zenith_m), (phase_m, model.phase_zenith_m)];
@@ -68,7 +68,7 @@ pub(super) fn text(rows: &[NoiseRow]) -> String {
 mod tests {
     use super::*;
     use kurs::engine::Settings;
-    use kurs::solution::Reason;
+    use kurs::solution::{Reason, SignalReport};
     use kurs::time::GpsTime;
 
     #[test]
@@ -84,8 +84,10 @@ mod tests {
             missing_db: 0.0,
         };
         let mut row = EpochSolution::lost(GpsTime::default(), Reason::FewSatellites);
-        row.residuals =
+        let mut signals = SignalReport::default();
+        signals.residuals =
             vec![residual(0, "G1C", 0.2), residual(1, "G1C", 0.1), residual(1, "G2W", -0.8)];
+        row.signals = Some(signals);
         let names = ["A0", "A1"].map(str::to_owned);
         let rows = noise(&[row], &Settings::default().noise, &names);
         let code: Vec<f64> = rows.iter().filter_map(|row| row.code).collect();

@@ -96,7 +96,7 @@ fn zenith_sd_m(
         let mut antennas = BTreeSet::new();
         let mut groups: BTreeSet<(System, Signal)> = BTreeSet::new();
         let mut count = 0.0;
-        for residual in row.signals.iter().flat_map(|signals| &signals.residuals) {
+        for residual in row.residuals() {
             let Some(residual_m) = of(residual) else { continue };
             squares_m2 += (residual_m * residual.elevation_rad.sin()).powi(2);
             count += 1.0;

@@ -110,8 +110,8 @@ impl Report {
             self.way.push(position.geodetic);
         }
         self.integers.add(row, &self.antennas);
-        self.residuals.add(row.signals.iter().flat_map(|signals| &signals.residuals));
-        self.views.add(row.signals.iter().flat_map(|signals| &signals.residuals));
+        self.residuals.add(row.residuals());
+        self.views.add(row.residuals());
         let attitude = row.attitude();
         let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
         let sd = |k| attitude.map_or(0.0, |a| a.covariance_rad2[(k, k)].sqrt().to_degrees());

@@ -10,7 +10,6 @@ use kurs::both_directions::BackwardRows;
 use kurs::differential::Differential;
 use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, ArrayEpoch, Observation};
-use kurs::solution::Status;
 use kurs::time::GpsTime;
 
 use super::config::Loaded;
@@ -40,7 +39,7 @@ pub(super) fn solve(
                 return Ok(rows);
             }
             let row = engine.push(&epoch, None);
-            progress.epoch(row.status == Status::Fixed, || None);
+            progress.epoch(row.is_fixed(), || None);
             rows.push(row);
         }
     }

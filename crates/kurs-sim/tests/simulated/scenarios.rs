@@ -79,7 +79,7 @@ fn both_directions_fix_more_than_the_forward_run() {
         let row = forward.push(&body.observed);
         let both = hindsight.join(row.clone());
         for (tally, row) in tallies.iter_mut().zip([&row, backward, &both]) {
-            tally.add(&body.truth, row, cycles.judge(&row.integers));
+            tally.add(&body.truth, row, cycles.judge(row.integer_sums()));
         }
     }
     println!("forward, backward, both: {tallies:?}");

@@ -181,6 +181,6 @@ fn path(orbit: &KeplerEphemeris, antenna_m: Vector<Ecef>, received: GpsTime) -> 
 /// Any number that is its own for every phase.
 fn whole_cycles(antenna: usize, satellite: Satellite, signal: Signal) -> f64 {
     let system = if satellite.system == System::Gps { 100 } else { 300 };
-    let number = system + i32::from(satellite.number) + i32::from(signal.band.digit);
-    f64::from((number * 7919 + 104_729 * (1 + antenna as i32)) % 100_000)
+    let number = system + usize::from(satellite.number) + usize::from(signal.band.digit);
+    ((number * 7919 + 104_729 * (1 + antenna)) % 100_000) as f64
 }

@@ -67,7 +67,7 @@ fn lines_of_sight(
     let ned_from_ecef = Geodetic::from_ecef(truth.position_m).ned_from_ecef();
     let store = &simulation.navigation().ephemerides;
     let mut sights: BTreeMap<Signal, Vec<_>> = BTreeMap::new();
-    let residuals = row.signals.iter().flat_map(|signals| &signals.residuals);
+    let residuals = row.residuals().iter();
     for used in residuals.filter(|r| r.antenna == 0 && r.phase_m.is_some()) {
         let state = store.state(used.satellite, truth.time).unwrap();
         let line = (ned_from_ecef * View::new(&state, truth.position_m).line_of_sight).xyz();
