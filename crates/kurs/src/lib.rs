@@ -108,7 +108,7 @@
 //! * [`frames`]: vectors and rotations that know their frames – Earth-fixed, local level, body – and the
 //!   ellipsoid.
 //! * [`signal`]: names and carrier frequencies of systems, satellites, bands and signals.
-//! * [`array`]: where the antennas are on the body, and what they span.
+//! * [`mod@array`]: where the antennas are on the body, and what they span.
 //! * [`antenna_calibration`]: phase centres of antenna types, by frequency and direction.
 //! * [`solution`]: what comes out: rows, how far they got and why no further, attitude, baselines,
 //!   positions.
