@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn lists_are_divided_by_semicolons_and_paths_start_from_the_manifest() {
-        let text = "label,config,obs:bow,nav,set\nday 1,boat.toml,a.rnx; b.rnx,,bands=[G1,E1];array_sd_m=0.01\n";
+        let text = "label,config,obs:bow,nav,set\nday 1,boat.toml,a.rnx; b.rnx,,\"bands=[G1,E1];array_sd_m=0.01\"\n";
         let manifest = read(text).unwrap();
         let entry = &manifest.entries[0];
         assert_eq!(entry.label, "day 1");

@@ -10,6 +10,7 @@ use kurs::solution::{LeftOut, Reason, SignalResidual, Status};
 use super::patient::{Finding, MANY, MENDED, Patient};
 use super::reasons;
 use super::sample::Sample;
+use super::shape::PROVEN;
 use super::trials::Trials;
 use super::usage::UsageRow;
 
@@ -45,9 +46,9 @@ impl Patient<'_> {
             .iter()
             .map(|(system, trial)| (*system, trial.share(Status::Fixed), trial.residual_m()))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        // Where the geometry is wrong, fewer satellites are fixed wrongly more easily: then the phases
-        // fit no better than all of them do without geometry.
-        let fits = residual_m < BETTER_FIT * trials.free.residual_m();
+        // Where the geometry is wrong, fewer satellites are fixed wrongly more easily, some of the time: then the
+        // phases fit no better than all of them do without geometry.
+        let fits = share > PROVEN || residual_m < BETTER_FIT * trials.free.residual_m();
         let evidence = format!(
             "with it {:.1} % of the epochs are fixed, without it {:.1} %",
             100.0 * before,

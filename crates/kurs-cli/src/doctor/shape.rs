@@ -20,6 +20,8 @@ const MIN_SPEED_MPS: f64 = 2.0;
 /// Epochs of a body that moves, of which this share shows where its front is.
 const MIN_MOVING: usize = 10;
 const CLEAR: f64 = 0.8;
+/// A geometry under which this share of the epochs is fixed is that of the antennas.
+pub(super) const PROVEN: f64 = 0.9;
 /// Cosine of the angle between heading and course of a body that moves backwards.
 const BACKWARDS: f64 = -0.9;
 
@@ -31,6 +33,10 @@ pub(super) fn wrong(patient: &Patient<'_>, sample: &Sample, trials: &Trials) -> 
     let array = patient.array?;
     if let Some(mirrored) = trials.mirrored.as_ref().and_then(|trial| mirrored(trial, trials)) {
         return Some(mirrored);
+    }
+    // What all but one system agree with is not wrong.
+    if trials.without_system.iter().any(|(_, trial)| trial.share(Status::Fixed) > PROVEN) {
+        return None;
     }
     let sd_m = patient.settings.array_sd_m;
     let distances = if trials.free.share(Status::Fixed) > MANY {

@@ -119,7 +119,8 @@ impl Views {
         let row = |((antenna, satellite), s): (&(usize, Satellite), &OfSatellite)| HiddenRow {
             antenna: names[*antenna].clone(),
             satellite: satellite.to_string(),
-            azimuth_deg: s.east.atan2(s.north).to_degrees().rem_euclid(360.0),
+            // Not 360° of what is a trifle west of north.
+            azimuth_deg: s.east.atan2(s.north).to_degrees().round().rem_euclid(360.0).abs(),
             elevation_deg: (s.elevation_rad / s.hidden as f64).to_degrees(),
             missing_db: s.missing_db / s.hidden as f64,
             epochs: s.hidden,

@@ -750,7 +750,7 @@ impl Loaded {
                 channel_sd_m: solve.glonass_channel_sd_m,
             },
         };
-        settings.check().map_err(|error| UsageError(error.to_string()))?;
+        settings.check().map_err(|error| UsageError(super::in_keys(&error)))?;
         Ok(settings)
     }
 

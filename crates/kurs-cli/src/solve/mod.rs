@@ -177,7 +177,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
-    let identity = session.identity()?;
+    let identity = session.identity();
     let destination = Destination::of(&args.out)?;
     let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
     let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;

@@ -89,7 +89,7 @@ impl SessionArgs {
 
 impl Session {
     /// The text that stands for the keys in force, the program and the contents of all inputs.
-    pub(crate) fn identity(&self) -> anyhow::Result<String> {
+    pub(crate) fn identity(&self) -> String {
         identity::of(&self.loaded)
     }
 

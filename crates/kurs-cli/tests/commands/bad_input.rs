@@ -213,7 +213,7 @@ fn wrong_configuration_exits_2_and_names_the_key() {
         "{said}"
     );
     let (status, said) = folder.solve(&["--antenna", "A={}/a.obs", "--nav", "{}/good.nav"]);
-    assert_eq!((status, said.contains("at least two are needed")), (2, true), "{said}");
+    assert_eq!((status, said.contains("at least two antennas are needed")), (2, true), "{said}");
     let (status, said) = folder.solve(&[]);
     assert_eq!((status, said.contains("configuration file")), (2, true), "{said}");
 }

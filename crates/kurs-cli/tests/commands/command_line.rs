@@ -122,7 +122,7 @@ fn files_are_told_by_their_content_in_any_order() {
 
     let error = refused(out, 2, &["solve", &stern, &nav]);
     assert!(
-        error.contains("at least two are needed") && error.contains("antennas: stern"),
+        error.contains("at least two antennas are needed") && error.contains("antennas: stern"),
         "{error}"
     );
     fs::write(out.join("page.html"), "<!DOCTYPE html><p>log in").unwrap();

@@ -85,7 +85,8 @@ fn both_directions_fix_more_than_the_forward_run() {
     println!("forward, backward, both: {tallies:?}");
     let [forward, backward, both] = tallies;
     assert_eq!([forward.wrong, backward.wrong, both.wrong], [0; 3], "{tallies:?}");
-    assert!(both.fixed - forward.fixed > both.epochs / 10, "{tallies:?}");
+    let alone = forward.fixed.max(backward.fixed);
+    assert!(both.fixed >= alone + both.epochs / 20, "{tallies:?}");
 }
 
 /// Errors within 5 % of the bound of Cramér and Rao for the phases that are used, and the 99.9 % band
