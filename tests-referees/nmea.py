@@ -47,6 +47,11 @@ def differs(found, wanted, limit):
     return found in (None, "") or abs(float(found) - float(wanted)) > limit
 
 
+def points_elsewhere(found, wanted, limit):
+    """As `differs`, of angles: 0° and 359.9998° are 0.0002° apart."""
+    return found in (None, "") or abs((float(found) - float(wanted) + 180) % 360 - 180) > limit
+
+
 def read_by_pynmeagps(rows, path, is_survey):
     """Faults of what pynmeagps reads, epoch by epoch."""
     try:
@@ -75,7 +80,7 @@ def read_by_pynmeagps(rows, path, is_survey):
             differs(epoch["GNGST"].stdAlt, row["sd_down_m"], 1e-4),
         ]
         if row["status"] == "fixed":
-            wrong.append(differs(epoch["GNHDT"].headingT, row["heading_deg"], HEADING_DEG))
+            wrong.append(points_elsewhere(epoch["GNHDT"].headingT, row["heading_deg"], HEADING_DEG))
             if row["heading_rate_degps"]:
                 wrong.append(differs(epoch["GNROT"].rot, 60 * float(row["heading_rate_degps"]), 0.006))
             if is_survey:
@@ -117,7 +122,7 @@ def read_by_gpsdecode(rows, path):
     for row, attitude in zip(wanted, attitudes):
         # gpsd writes tilts with two decimals.
         limits = {"heading": HEADING_DEG, "pitch": 0.0051 + HEADING_DEG, "roll": 0.0051 + HEADING_DEG}
-        if any(differs(attitude.get(name), row[name + "_deg"], limit) for name, limit in limits.items()):
+        if any(points_elsewhere(attitude.get(name), row[name + "_deg"], limit) for name, limit in limits.items()):
             faults.append(f"{row['time_gpst']}: attitude {attitude}")
     print(f"gpsdecode: {len(places)} positions, {len(attitudes)} attitudes, {len(faults)} faults")
     return faults
