@@ -18,7 +18,7 @@ use kurs::frames::Attitude;
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
 use crate::report::Words;
-use crate::summary::Summary;
+use crate::summary::{Damage, Summary};
 use crate::window::Window;
 
 /// GNSS joined with inertial sensors: a rotating arm, or antennas with a gyro.
@@ -50,6 +50,22 @@ pub(crate) struct Args {
     /// No closing summary.
     #[arg(long, short)]
     quiet: bool,
+}
+
+impl Args {
+    /// The closing words of a run whose outputs stand in their folder.
+    fn conclude(&self, text: &str, damage: &[Damage]) -> anyhow::Result<()> {
+        if self.json {
+            println!("{}", std::fs::read_to_string(self.out.join("summary.json"))?);
+        } else if !self.quiet {
+            println!("{text}");
+            if let Some(first) = damage.first() {
+                println!("{} damaged places, first: {first}", damage.len());
+            }
+            println!("written to {}", self.out.display());
+        }
+        Ok(())
+    }
 }
 
 /// What a run may leave in its folder.

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use crate::program::{kurs, text};
+use crate::program::{edit, kurs, text};
 
 fn example() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/fuse/rotating-arm.toml");
@@ -79,16 +79,6 @@ fn fuse_files(folder: &Path, made: &Path) -> Output {
     let truth = made.join("truth.csv");
     let [config, out, truth] = [&config, &out, &truth].map(|path| path.to_str().unwrap());
     kurs(&["fuse", config, "--out", out, "--truth", truth])
-}
-
-/// Keeps or changes the lines of a file.
-fn edit(path: &Path, mut change: impl FnMut(usize, &str) -> Option<String>) {
-    let before = fs::read_to_string(path).unwrap();
-    let mut after = String::new();
-    for line in before.lines().enumerate().filter_map(|(k, line)| change(k, line)) {
-        writeln!(after, "{line}").unwrap();
-    }
-    fs::write(path, after).unwrap();
 }
 
 /// Bounds of the reference for the manoeuvring filter in uniform motion: steady heading 0.83°, tilt

@@ -2,12 +2,11 @@
 //! both and an outage of ten seconds, `kurs solve` its attitudes, `kurs fuse` joins them.
 #![allow(clippy::unwrap_used)]
 
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use crate::program::{kurs, run, text};
+use crate::program::{edit, kurs, run, text};
 
 /// Without the reflections of the built-in scenario: errors of the fixes are independent.
 const SCENARIO: &str = r#"
@@ -129,15 +128,6 @@ fn errors(folder: &Path, file: &str, angle: &str) -> Vec<[f64; 3]> {
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v * v, n + 1));
     (sum / f64::from(count)).sqrt()
-}
-
-fn edit(path: &Path, mut change: impl FnMut(usize, &str) -> Option<String>) {
-    let before = fs::read_to_string(path).unwrap();
-    let mut after = String::new();
-    for line in before.lines().enumerate().filter_map(|(k, line)| change(k, line)) {
-        writeln!(after, "{line}").unwrap();
-    }
-    fs::write(path, after).unwrap();
 }
 
 /// Reference for a gyro of 10°/h and 0.1°/√h: 95 % of headings within 0.15° after ten seconds.

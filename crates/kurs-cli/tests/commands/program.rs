@@ -1,5 +1,8 @@
 //! The program under test.
 
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
 use std::process::{Command, Output};
 
 /// What a run with these arguments comes to.
@@ -17,4 +20,14 @@ pub(crate) fn run(arguments: &[&str]) -> Output {
 /// What it printed.
 pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Keeps or changes the lines of a file.
+pub(crate) fn edit(path: &Path, mut change: impl FnMut(usize, &str) -> Option<String>) {
+    let before = fs::read_to_string(path).unwrap();
+    let mut after = String::new();
+    for line in before.lines().enumerate().filter_map(|(k, line)| change(k, line)) {
+        writeln!(after, "{line}").unwrap();
+    }
+    fs::write(path, after).unwrap();
 }

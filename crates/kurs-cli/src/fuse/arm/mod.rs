@@ -68,13 +68,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let finished = rows.finish(outputs.path(), &from)?;
     outputs.publish()?;
-    if args.json {
-        println!("{}", std::fs::read_to_string(args.out.join("summary.json"))?);
-    } else if !args.quiet {
-        println!("{}", finished.text);
-        damage.iter().take(1).for_each(|d| println!("{} damaged places, first: {d}", damage.len()));
-        println!("written to {}", args.out.display());
-    }
+    args.conclude(&finished.text, &damage)?;
     match (finished.has_solution, finished.main_reason) {
         (true, _) => Ok(watch.status(ExitCode::SUCCESS)),
         (false, Some(word)) => bail!("every epoch is lost, mostly because of `{word}`"),
