@@ -60,7 +60,7 @@ fn run_live(args: &Args) -> anyhow::Result<ExitCode> {
         .and_then(|()| fs::write(&file, text))
         .with_context(|| format!("{}: cannot be written", file.display()))?;
     if !args.quiet {
-        println!("JSON lines at 127.0.0.1:{lines}, http://127.0.0.1:{page}/metrics");
+        println!("JSON lines at 127.0.0.1:{lines}, page at http://127.0.0.1:{page}/");
     }
     let sending = thread::spawn(move || scenario.send());
     let live = live::Args::of_demonstration(file, args.out.join("live"), args.quiet);

@@ -117,6 +117,12 @@ impl Address {
         matches!(self, Self::File { speed, .. } if *speed == 0.0)
     }
 
+    /// Whether it is a log.
+    #[must_use]
+    pub const fn is_file(&self) -> bool {
+        matches!(self, Self::File { .. })
+    }
+
     /// The same with a path of a file made absolute by `absolute`.
     #[must_use]
     pub fn with_path(self, absolute: impl FnOnce(PathBuf) -> PathBuf) -> Self {

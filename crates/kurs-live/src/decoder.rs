@@ -13,6 +13,7 @@ use kurs_formats::logs::{LogOptions, LogReader};
 use kurs_formats::source::Source;
 use tokio::sync::mpsc;
 
+use crate::record::gps_time;
 use crate::status::StreamStatus;
 
 /// Epochs of an antenna that may wait for the others; a receiver that is this far ahead waits.
@@ -142,6 +143,7 @@ pub(crate) fn decode(
         let paced = decoding.pace.is_some();
         let arrival = if paced { Arrival::now() } else { arrivals.of_epoch(reader.begun_at()) };
         decoding.status.note_epoch(&epoch);
+        decoding.status.note_age(gps_time(arrival.last_byte_utc) - epoch.time);
         decoding.permits.acquire();
         let news = reader.take_news();
         if !give(Decoded { epoch, news, arrival }) {

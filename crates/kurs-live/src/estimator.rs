@@ -18,6 +18,7 @@ use tokio::sync::watch;
 use crate::decoder::{Arrival, Decoded, Permits};
 use crate::input::{Event, STATION};
 use crate::output::{Message, Sink};
+use crate::page::Hub;
 use crate::service::{Finish, Gga, Times};
 use crate::state::StateFiles;
 use crate::status::{Status, StreamStatus};
@@ -50,6 +51,7 @@ pub(crate) struct Estimator {
     pub(crate) status: Arc<Status>,
     pub(crate) sinks: Vec<Sink>,
     pub(crate) rows: SyncSender<EpochSolution>,
+    pub(crate) page: Option<Arc<Hub>>,
     pub(crate) gga: (watch::Sender<Option<String>>, Gga),
     pub(crate) known_time: watch::Sender<Option<GpsTime>>,
     pub(crate) state: Option<StateFiles>,
@@ -156,7 +158,7 @@ impl Estimator {
         let mut row = self.engine.push(&epoch, None);
         (self.finish)(&epoch, &mut row);
         let times = Times { station_age_s, ..self.times(&epoch) };
-        self.send(row, times);
+        self.send(&epoch, row, times);
     }
 
     /// Reports tags that one clock cannot have given.
@@ -201,7 +203,7 @@ impl Estimator {
         }
     }
 
-    fn send(&mut self, row: EpochSolution, times: Times) {
+    fn send(&mut self, epoch: &ArrayEpoch, row: EpochSolution, times: Times) {
         self.status.note_row(&row);
         self.status.in_to_out.add(times.row_out - times.last_byte);
         self.status.first_to_out.add(times.row_out - times.first_byte);
@@ -219,6 +221,9 @@ impl Estimator {
                 continue;
             }
             sink.send(Message { bytes: bytes.into(), expires });
+        }
+        if let Some(page) = &self.page {
+            page.note(epoch, &row, &rates, &times);
         }
         if let Some(state) = &mut self.state {
             state.note(&row);

@@ -122,7 +122,7 @@ impl Running {
         shared: Shared,
     ) -> Self {
         let name = input.antennas.first().map_or("stream", |(_, name, _)| name);
-        let is_file = matches!(input.address, Address::File { .. });
+        let is_file = input.address.is_file();
         let recorder = shared.log_dir.as_ref().filter(|_| !is_file);
         let recorder = recorder.map(|directory| Recorder::new(directory, name));
         Self {
@@ -152,7 +152,7 @@ impl Running {
             Address::Ntrip(_) => BackOff::of_caster(),
             _ => BackOff::of_own(),
         };
-        let is_file = matches!(self.input.address, Address::File { .. });
+        let is_file = self.input.address.is_file();
         loop {
             let began = Instant::now();
             let (end, was_open) = match self.open().await {
@@ -276,7 +276,7 @@ impl Running {
         let mut buffer = vec![0; BUFFER];
         let mut gga_due = tokio::time::interval(GGA_INTERVAL);
         gga_due.tick().await;
-        let waits = !matches!(self.input.address, Address::File { .. });
+        let waits = !self.input.address.is_file();
         let wants_gga = matches!(self.input.address, Address::Ntrip(_));
         let mut progress = Progress::new(self.epochs());
         loop {

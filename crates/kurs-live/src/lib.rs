@@ -3,7 +3,8 @@
 //! ```text
 //! connection ─► decoder ─┐   (one of each for every stream; a new decoder for every connection)
 //! connection ─► decoder ─┴► matcher ─► engine ─┬► files
-//!                           with a deadline    └► outputs
+//!                           with a deadline    ├► outputs
+//!                                              └► page
 //! ```
 //!
 //! Connections and outputs are tasks of one small runtime; every decoder, the engine and the files have a
@@ -15,8 +16,10 @@
 //! a file or put into a message ([`Setup`]).
 #![forbid(unsafe_code)]
 
+mod access;
 mod address;
 mod back_off;
+mod band_level;
 mod connection;
 mod decoder;
 mod estimator;
@@ -24,6 +27,7 @@ mod http;
 mod input;
 mod ntrip;
 mod output;
+mod page;
 mod record;
 mod service;
 mod state;
@@ -34,6 +38,7 @@ pub use address::{Address, BadAddress, Ntrip};
 pub use input::{Input, STATION};
 pub use ntrip::body_of_answer;
 pub use output::{Encode, Output};
+pub use page::Page;
 pub use record::gps_time;
 pub use service::{Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run};
 pub use state::{Remembered, newest_reference_time, remembered};

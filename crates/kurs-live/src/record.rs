@@ -35,13 +35,7 @@ struct Open {
 impl Recorder {
     /// A log of the stream `name`; a new pair of files begins with every start and every UTC day.
     pub(crate) fn new(directory: &Path, name: &str) -> Self {
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-        Self {
-            directory: directory.to_owned(),
-            stem: name.chars().map(plain).collect(),
-            open: None,
-            paused_until: None,
-        }
+        Self { directory: directory.to_owned(), stem: stem(name), open: None, paused_until: None }
     }
 
     /// Writes a piece; after an error nothing for a while, and then to new files.
@@ -75,6 +69,22 @@ impl Recorder {
         open.written += chunk.bytes.len() as u64;
         writeln!(open.marks, "{},{}", open.written, since.as_nanos())
     }
+}
+
+/// How the names of a stream's logs begin.
+pub(crate) fn stem(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    name.chars().map(plain).collect()
+}
+
+/// Whether a text is a time as in the names of logs.
+pub(crate) fn is_stamp(text: &str) -> bool {
+    let shape = "00000000T000000Z";
+    let fits = |(found, wanted): (u8, u8)| match wanted {
+        b'0' => found.is_ascii_digit(),
+        letter => found == letter,
+    };
+    text.len() == shape.len() && text.bytes().zip(shape.bytes()).all(fits)
 }
 
 /// `YYYYMMDDTHHMMSSZ`

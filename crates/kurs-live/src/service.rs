@@ -1,7 +1,6 @@
 //! The service put together: inputs, engine, outputs, page; and its life from start to stop.
 
 use std::collections::VecDeque;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, PoisonError, mpsc};
@@ -24,9 +23,10 @@ use crate::decoder::{Pace, Permits};
 use crate::estimator::{Antenna, Estimator, StationEpochs};
 use crate::input::{Event, Input, Running, STATION, Shared};
 use crate::output::{self, Output};
+use crate::page::{Command, Hub, MAX_COMMANDS, Page};
 use crate::state::StateFiles;
 use crate::status::{Status, StreamStatus};
-use crate::{http, systemd};
+use crate::systemd;
 
 /// Rows that may wait for the files: a minute at 100 Hz.
 const MAX_ROWS: usize = 6000;
@@ -89,10 +89,8 @@ pub struct Setup {
     pub gga: Gga,
     /// Where the body was, for casters that want to know before the first row.
     pub first_gga: Option<String>,
-    /// `/healthz` and `/metrics`.
-    pub page: Option<SocketAddr>,
-    /// What those who ask for them have to show.
-    pub token: Option<String>,
+    /// What is shown of it, and to whom.
+    pub page: Option<Page>,
     /// Where a restart finds what this run knew.
     pub state_dir: Option<PathBuf>,
     /// Where the bytes of the streams go.
@@ -186,18 +184,35 @@ impl Inputs {
         self.running.push((input, tokio::spawn(running.run())));
     }
 
+    /// Connects the stream of this name anew; tells whether there is one.
+    fn restart(&mut self, name: &str) -> bool {
+        let is_named = |input: &Input| input.antennas.iter().any(|(_, of, _)| of == name);
+        let place = self.running.iter().position(|(input, task)| {
+            // A recording would begin again, and an ended stream is counted out.
+            is_named(input) && !input.address.is_file() && !task.is_finished()
+        });
+        let Some(place) = place else { return false };
+        let input = self.end(place);
+        tracing::info!(stream = name, "restarted");
+        self.start(input);
+        true
+    }
+
+    /// Ends a running stream.
+    fn end(&mut self, place: usize) -> Input {
+        let (input, task) = self.running.remove(place);
+        task.abort();
+        for (antenna, ..) in &input.antennas {
+            let _ = self.shared.events.send(Event::Left { antenna: *antenna });
+        }
+        input
+    }
+
     /// Streams that are as before go on, others end, new ones begin.
     fn change(&mut self, inputs: Vec<Input>) {
-        self.running.retain(|(input, task)| {
-            let stays = inputs.contains(input);
-            if !stays {
-                task.abort();
-                for (antenna, ..) in &input.antennas {
-                    let _ = self.shared.events.send(Event::Left { antenna: *antenna });
-                }
-            }
-            stays
-        });
+        while let Some(place) = self.running.iter().position(|(input, _)| !inputs.contains(input)) {
+            self.end(place);
+        }
         for input in inputs {
             if !self.running.iter().any(|(running, _)| *running == input) {
                 self.start(input);
@@ -218,12 +233,16 @@ async fn serve(
     let mut hang_up = signal(SignalKind::hangup()).map_err(io(signals()))?;
 
     let status = Arc::new(Status::new());
-    if let Some(at) = setup.page {
-        let bound = http::serve(at, Arc::clone(&status), setup.token)
-            .await
-            .map_err(io(format!("page {at}")))?;
-        tracing::info!("metrics at http://{bound}/metrics");
-    }
+    let (commands, mut commanded) = tokio::sync::mpsc::channel(MAX_COMMANDS);
+    let page = setup.page.map(|page| {
+        let (at, log_dir) = (page.at, setup.log_dir.clone());
+        let served = Hub::serve(page, Arc::clone(&status), log_dir, commands);
+        served.map_err(io(format!("page {at}")))
+    });
+    let page = page.transpose()?.map(|(hub, bound)| {
+        tracing::info!("page at http://{bound}/");
+        hub
+    });
     let (events, received) = mpsc::channel();
     let (gga_sender, gga) = watch::channel(setup.first_gga);
     let (time_sender, known_time) = watch::channel(setup.known_time);
@@ -285,6 +304,7 @@ async fn serve(
         status: Arc::clone(&status),
         sinks: setup.outputs.into_iter().map(|o| output::start(o, Arc::clone(&status))).collect(),
         rows,
+        page,
         gga: (gga_sender, setup.gga),
         known_time: time_sender,
         state: setup.state_dir.map(StateFiles::new),
@@ -319,6 +339,9 @@ async fn serve(
                 }
                 Err(what) => tracing::error!("nothing was changed: {what}"),
             },
+            Some(Command::Restart { name, done }) = commanded.recv() => {
+                let _ = done.send(inputs.restart(&name));
+            }
         }
     }
     inputs.running.iter().for_each(|(_, task)| task.abort());

@@ -7,9 +7,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use kurs::observation::AntennaEpoch;
+use kurs::observation::interference::{Interference, Jamming, Spoofing};
 use kurs::signal::Band;
 use kurs::solution::{EpochSolution, Status as RowStatus};
 use kurs::time::GpsTime;
+
+use crate::band_level::BandLevel;
 
 /// A stream is silent after this many of its intervals without an epoch …
 const SILENT_INTERVALS: f64 = 3.0;
@@ -27,6 +30,8 @@ const BITS_A_BYTE: f64 = 10.0;
 const LOAD_WINDOW_S: f64 = 10.0;
 /// A line that carries more than this has no room for a longer epoch.
 const HIGH_LOAD: f64 = 0.9;
+/// A stream that is older by the system's clock is a recording, or the clock is wrong, s.
+const MAX_AGE_S: f64 = 1000.0;
 
 /// Upper bounds of the latency classes, ms.
 const BOUNDS_MS: [f64; 16] = [
@@ -50,6 +55,19 @@ impl Histogram {
         }
         self.count.fetch_add(1, Relaxed);
         self.sum_us.fetch_add(u64::try_from(latency.as_micros()).unwrap_or(u64::MAX), Relaxed);
+    }
+
+    /// Bounds of the classes below which these shares are; `None` without any, or beyond the last class.
+    pub(crate) fn quantiles_ms<const N: usize>(&self, shares: [f64; N]) -> [Option<f64>; N] {
+        let count = self.count.load(Relaxed) as f64;
+        shares.map(|share| {
+            let mut below = 0;
+            let classes = BOUNDS_MS.iter().zip(&self.classes).filter(|_| count > 0.0);
+            classes.into_iter().find_map(|(bound, class)| {
+                below += class.load(Relaxed);
+                (below as f64 >= share * count).then_some(*bound)
+            })
+        })
     }
 
     fn write(&self, text: &mut String, name: &str, help: &str) {
@@ -91,6 +109,51 @@ impl Load {
     }
 }
 
+/// What is shown of a stream.
+#[derive(Debug)]
+pub(crate) struct StreamView {
+    pub(crate) name: String,
+    pub(crate) trouble: Option<String>,
+    pub(crate) is_connected: bool,
+    pub(crate) bytes: u64,
+    pub(crate) epochs: u64,
+    pub(crate) late: u64,
+    pub(crate) strays: u64,
+    pub(crate) damaged: u64,
+    pub(crate) errors: u64,
+    pub(crate) connections: u64,
+    pub(crate) gaps: u64,
+    pub(crate) gaps_s: f64,
+    /// 0: unknown.
+    pub(crate) interval_s: f64,
+    /// From measurement to last byte; `None` where the clocks have nothing to do with each other.
+    pub(crate) age_s: Option<f64>,
+    pub(crate) baud: Option<u64>,
+    pub(crate) line_load: Option<f64>,
+    pub(crate) last_error: String,
+    pub(crate) bands: Vec<BandLevel>,
+    pub(crate) interference: Interference,
+}
+
+impl StreamView {
+    /// What is wrong with its signals: subjects (a band, or empty for the receiver) and words.
+    pub(crate) fn disturbances(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        if self.interference.spoofing == Spoofing::Stated {
+            found.push(("spoofing".to_owned(), "is stated by the receiver".to_owned()));
+        }
+        if self.interference.jamming >= Jamming::Warning {
+            let text = format!("is stated by the receiver ({})", self.interference.jamming.word());
+            found.push(("jamming".to_owned(), text));
+        }
+        for band in self.bands.iter().filter(|band| band.is_low()) {
+            let text = format!("is {:.0} dB weaker than usual at this antenna", band.drop_db());
+            found.push((band.band.to_string(), text));
+        }
+        found
+    }
+}
+
 /// One antenna's stream.
 #[derive(Debug)]
 pub(crate) struct StreamStatus {
@@ -116,8 +179,12 @@ pub(crate) struct StreamStatus {
     /// How often epochs were missing, and how long altogether, ns.
     gaps: AtomicU64,
     gaps_ns: AtomicU64,
-    /// Mean C/N0 of each band in the last epoch, dB-Hz.
-    cn0_dbhz: Mutex<BTreeMap<Band, f64>>,
+    /// C/N0 of each band in the last epoch.
+    bands: Mutex<BTreeMap<Band, BandLevel>>,
+    /// What the receiver stated last.
+    interference: Mutex<Interference>,
+    /// From the measurement of the last epoch to its last byte, by the system's clock, ns.
+    age_ns: AtomicI64,
     last_error: Mutex<String>,
 }
 
@@ -142,7 +209,9 @@ impl StreamStatus {
             interval_ns: AtomicI64::new(0),
             gaps: AtomicU64::new(0),
             gaps_ns: AtomicU64::new(0),
-            cn0_dbhz: Mutex::default(),
+            bands: Mutex::default(),
+            interference: Mutex::default(),
+            age_ns: AtomicI64::new(i64::MAX),
             last_error: Mutex::new(String::new()),
         }
     }
@@ -179,8 +248,61 @@ impl StreamStatus {
             let (sum, count) = of_bands.entry(observation.signal.band).or_default();
             (*sum, *count) = (*sum + cn0_dbhz, *count + 1);
         }
-        let means = of_bands.into_iter().map(|(band, (sum, count))| (band, sum / f64::from(count)));
-        *self.cn0_dbhz.lock().unwrap_or_else(PoisonError::into_inner) = means.collect();
+        let mut levels = self.bands.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = core::mem::take(&mut *levels);
+        *levels = of_bands
+            .into_iter()
+            .map(|(band, (sum, count))| {
+                let cn0_dbhz = sum / f64::from(count);
+                (band, BandLevel::after(before.get(&band), band, cn0_dbhz, epoch.time))
+            })
+            .collect();
+        *self.interference.lock().unwrap_or_else(PoisonError::into_inner) = epoch.interference;
+    }
+
+    /// How long after its measurement the last byte of an epoch came.
+    pub(crate) fn note_age(&self, age_s: f64) {
+        #[allow(clippy::cast_possible_truncation)] // `as` saturates
+        self.age_ns.store((age_s * 1e9) as i64, Relaxed);
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Everything that is shown of it.
+    pub(crate) fn view(&self) -> StreamView {
+        let lock =
+            |text: &Mutex<String>| text.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let age_s = self.age_ns.load(Relaxed) as f64 * 1e-9;
+        let load = self.load.lock().unwrap_or_else(PoisonError::into_inner).share;
+        StreamView {
+            name: self.name.clone(),
+            trouble: self.trouble(),
+            is_connected: self.connected.load(Relaxed),
+            bytes: self.bytes.load(Relaxed),
+            epochs: self.epochs(),
+            late: self.late.load(Relaxed),
+            strays: self.strays.load(Relaxed),
+            damaged: self.damaged.load(Relaxed),
+            errors: self.errors.load(Relaxed),
+            connections: self.connections.load(Relaxed),
+            gaps: self.gaps.load(Relaxed),
+            gaps_s: self.gaps_ns.load(Relaxed) as f64 * 1e-9,
+            interval_s: self.interval_ns.load(Relaxed) as f64 * 1e-9,
+            age_s: (age_s.abs() < MAX_AGE_S).then_some(age_s),
+            baud: (self.baud > 0).then_some(self.baud),
+            line_load: (self.baud > 0).then_some(load),
+            last_error: lock(&self.last_error),
+            bands: self
+                .bands
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .values()
+                .copied()
+                .collect(),
+            interference: *self.interference.lock().unwrap_or_else(PoisonError::into_inner),
+        }
     }
 
     fn note_time(&self, time: GpsTime) {
@@ -231,7 +353,7 @@ impl StreamStatus {
     }
 
     /// Why the stream does not bring what it should, in words; `None` if it does.
-    fn trouble(&self) -> Option<String> {
+    pub(crate) fn trouble(&self) -> Option<String> {
         if self.ended.load(Relaxed) {
             return Some("has ended".into());
         }
@@ -313,7 +435,17 @@ impl Status {
         self.began.elapsed().as_secs_f64() - last_s
     }
 
-    fn streams(&self) -> Vec<Arc<StreamStatus>> {
+    /// Rows by the word for their status.
+    pub(crate) fn row_counts(&self) -> [(&'static str, u64); RowStatus::ALL.len()] {
+        core::array::from_fn(|k| (RowStatus::ALL[k].word(), self.rows[k].load(Relaxed)))
+    }
+
+    /// How much older than the last row the station's epoch in it is, s.
+    pub(crate) fn station_age_s(&self) -> Option<f64> {
+        Some(f64::from_bits(self.station_age_s.load(Relaxed))).filter(|age_s| age_s.is_finite())
+    }
+
+    pub(crate) fn streams(&self) -> Vec<Arc<StreamStatus>> {
         self.streams.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
@@ -343,9 +475,8 @@ impl Status {
             let _ = writeln!(text, "# HELP {name} {help}\n# TYPE {name} {kind}");
         };
         head(&mut text, "kurs_rows_total", "counter", "Rows by status.");
-        for (status, count) in RowStatus::ALL.iter().zip(&self.rows) {
-            let count = count.load(Relaxed);
-            let _ = writeln!(text, "kurs_rows_total{{status=\"{}\"}} {count}", status.word());
+        for (status, count) in self.row_counts() {
+            let _ = writeln!(text, "kurs_rows_total{{status=\"{status}\"}} {count}");
         }
         let single: [(&str, &str, &str, f64); 7] = [
             (
@@ -390,15 +521,14 @@ impl Status {
             head(&mut text, name, kind, help);
             let _ = writeln!(text, "{name} {value}");
         }
-        let station_age_s = f64::from_bits(self.station_age_s.load(Relaxed));
-        if station_age_s.is_finite() {
+        if let Some(station_age_s) = self.station_age_s() {
             let name = "kurs_station_age_seconds";
             head(&mut text, name, "gauge", "Age of the station's epoch in the last row.");
             let _ = writeln!(text, "{name} {station_age_s:.3}");
         }
         let streams = self.streams();
         type Value = fn(&StreamStatus) -> f64;
-        let of_streams: [(&str, &str, &str, Value); 12] = [
+        let of_streams: [(&str, &str, &str, Value); 14] = [
             ("kurs_stream_up", "gauge", "1: epochs come as they should.", |s| {
                 f64::from(u8::from(s.trouble().is_none()))
             }),
@@ -441,6 +571,18 @@ impl Status {
                 "Share of a serial line that is in use, mean over ten seconds.",
                 |s| s.load.lock().unwrap_or_else(PoisonError::into_inner).share,
             ),
+            (
+                "kurs_stream_jamming",
+                "gauge",
+                "What the receiver states: 0 nothing, 1 none, 2 warning, 3 critical.",
+                |s| f64::from(s.view().interference.jamming as u8),
+            ),
+            (
+                "kurs_stream_spoofing",
+                "gauge",
+                "What the receiver states: 0 nothing, 1 none, 2 spoofing.",
+                |s| f64::from(s.view().interference.spoofing as u8),
+            ),
         ];
         for (name, kind, help, value) in of_streams {
             head(&mut text, name, kind, help);
@@ -451,10 +593,17 @@ impl Status {
         let name = "kurs_stream_cn0_dbhz";
         head(&mut text, name, "gauge", "Mean C/N0 of a band in the last epoch.");
         for stream in &streams {
-            let cn0_dbhz = stream.cn0_dbhz.lock().unwrap_or_else(PoisonError::into_inner);
-            for (band, mean) in cn0_dbhz.iter() {
-                let labels = format!("stream=\"{}\",band=\"{band}\"", stream.label());
-                let _ = writeln!(text, "{name}{{{labels}}} {mean:.2}");
+            for level in stream.view().bands {
+                let labels = format!("stream=\"{}\",band=\"{}\"", stream.label(), level.band);
+                let _ = writeln!(text, "{name}{{{labels}}} {:.2}", level.cn0_dbhz);
+            }
+        }
+        let name = "kurs_stream_cn0_drop_db";
+        head(&mut text, name, "gauge", "How much weaker a band is than usual at this antenna.");
+        for stream in &streams {
+            for level in stream.view().bands {
+                let labels = format!("stream=\"{}\",band=\"{}\"", stream.label(), level.band);
+                let _ = writeln!(text, "{name}{{{labels}}} {:.2}", level.drop_db());
             }
         }
         self.in_to_out.write(&mut text, "kurs_latency_seconds", "Last byte in to row out.");

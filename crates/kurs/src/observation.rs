@@ -1,6 +1,9 @@
 //! Observations: what one antenna measured at one instant, and the time-matched set of all antennas.
 
+pub mod interference;
 pub mod matcher;
+
+use interference::Interference;
 
 use crate::signal::{Satellite, Signal};
 use crate::time::GpsTime;
@@ -58,6 +61,8 @@ pub struct AntennaEpoch {
     pub power_failure: bool,
     /// Receiver clock offset in s, where the source states that it was *not* yet applied.
     pub clock_offset_s: Option<f64>,
+    /// What the receiver states about foreign signals.
+    pub interference: Interference,
 }
 
 /// The epochs of all antennas that belong together; `None` where an antenna has none.

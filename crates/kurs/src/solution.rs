@@ -71,6 +71,8 @@ pub enum Reason {
     Unproven,
     /// Integers of one arc disagree between epochs.
     Contradiction,
+    /// A receiver states that satellites are imitated.
+    Interference,
 }
 
 /// One check of an epoch's integers: a statistic, and how probable one as bad as this is if all is right.
@@ -391,6 +393,17 @@ impl EpochSolution {
         }
     }
 
+    /// Refuses what the epoch would give: what is fixed or float becomes inconsistent for this reason.
+    pub fn refuse(&mut self, reason: Reason) {
+        if let Outcome::Fixed { .. } | Outcome::Float { .. } | Outcome::Inconsistent { .. } =
+            self.outcome
+        {
+            let attitude = self.attitude().copied();
+            self.outcome = Outcome::Inconsistent { attitude, reason };
+            self.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
+        }
+    }
+
     /// What the solution leaves of each signal; empty unless wanted.
     #[must_use]
     pub fn residuals(&self) -> &[SignalResidual] {
@@ -509,7 +522,7 @@ impl Status {
 
 impl Reason {
     /// Every reason, in the order of the documentation.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::FewSatellites,
         Self::FewAntennas,
         Self::NoEphemeris,
@@ -529,6 +542,7 @@ impl Reason {
         Self::BadInput,
         Self::Unproven,
         Self::Contradiction,
+        Self::Interference,
     ];
 
     /// The word in the outputs.
@@ -554,6 +568,7 @@ impl Reason {
             Self::BadInput => "bad_input",
             Self::Unproven => "unproven",
             Self::Contradiction => "contradiction",
+            Self::Interference => "interference",
         }
     }
 }

@@ -105,6 +105,11 @@ const EXPLAINED: [Explained; 19] = [
         meaning: "integers that should not change between two epochs do",
         advice: "look for reflections, and for cycle slips that a receiver does not flag",
     },
+    Explained {
+        word: "interference",
+        meaning: "a receiver states that satellites are imitated (spoofing)",
+        advice: "move away from the source; `use_interference_flags = false` if the receiver is known to be wrong",
+    },
 ];
 
 /// What the word means; the word itself where that is not known.

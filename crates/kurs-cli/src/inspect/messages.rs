@@ -27,6 +27,7 @@ pub(super) fn messages(census: &Census, duration_s: Option<f64>) -> Vec<MessageR
                 Role::UnreadObservations(_) => "not read: observations",
                 Role::Navigation => "navigation data",
                 Role::Place => "place",
+                Role::Interference => "interference",
                 Role::Other => "not read",
             },
         }

@@ -27,6 +27,12 @@ pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
     }
 }
 
+/// A row as the page gets it: the line of an output of this kind.
+pub(super) fn page_line(body: &str) -> Encode {
+    let body = body.to_owned();
+    Arc::new(move |row, rates, times| json_line(row, rates, times, false, &body))
+}
+
 fn sentences(profile: nmea::Profile) -> Encode {
     Arc::new(move |row, rates, _| {
         let mut text = String::new();

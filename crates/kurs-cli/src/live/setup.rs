@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Geodetic;
 use kurs::observation::matcher::Deadline;
@@ -11,7 +12,7 @@ use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin, Reason};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::source::Source;
-use kurs_live::{Address, Finish, Input, MakeEngine, Output, Reloaded, STATION, Setup};
+use kurs_live::{Address, Finish, Input, MakeEngine, Output, Page, Reloaded, STATION, Setup};
 use nalgebra::Matrix3;
 
 use super::day_tables::DayTables;
@@ -41,11 +42,13 @@ pub(super) fn setup(
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
     let outputs = loaded.config.output.iter().map(|output| self::output(output, &body));
+    let at = live.page.as_deref().map(|text| page_address(text, token.is_some())).transpose()?;
+    let page = at.map(|at| page(at, token, loaded, &body));
     Ok(Setup {
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
         navigation,
-        make_engine: make_engine(loaded)?,
+        make_engine: make_engine(loaded, page.is_some())?,
         finish: finish(),
         deadline: deadline(live.deadline_ms)?,
         station_max_age_s: station_max_age_s(loaded)?,
@@ -60,8 +63,7 @@ pub(super) fn setup(
         outputs: outputs.collect::<Result<_, _>>()?,
         gga: Box::new(messages::gga),
         first_gga: remembered.place.and_then(|place| gga_of_place(place, remembered.time)),
-        page: live.page.as_deref().map(|text| page(text, token.is_some())).transpose()?,
-        token,
+        page,
         state_dir,
         log_dir: loaded.config.log.as_ref().map(|log| loaded.path(&log.dir)),
         once,
@@ -73,7 +75,10 @@ pub(super) fn reloaded(loaded: &Loaded) -> anyhow::Result<Reloaded> {
     Ok(Reloaded {
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
-        make_engine: make_engine(loaded)?,
+        make_engine: make_engine(
+            loaded,
+            loaded.config.live.as_ref().is_some_and(|l| l.page.is_some()),
+        )?,
     })
 }
 
@@ -120,11 +125,13 @@ pub(crate) fn navigation_files(loaded: &Loaded) -> anyhow::Result<NavigationData
     Ok(data)
 }
 
-fn make_engine(loaded: &Loaded) -> anyhow::Result<MakeEngine> {
+/// A page shows satellites by signal, which the engine reports only if it is wanted.
+fn make_engine(loaded: &Loaded, has_page: bool) -> anyhow::Result<MakeEngine> {
     let mut damage = Vec::new();
     let phase_centers = phase_centers::read(loaded, &mut damage)?;
     phase_centers.tell();
-    let (loaded, settings) = (loaded.clone(), loaded.settings()?);
+    let settings = Settings { residuals: has_page, ..loaded.settings()? };
+    let loaded = loaded.clone();
     Ok(Box::new(move |navigation| {
         let mounts = phase_centers.mounts.clone();
         solve::engine(&loaded, settings.clone(), navigation, mounts)
@@ -180,8 +187,20 @@ fn station_max_age_s(loaded: &Loaded) -> Result<f64, UsageError> {
     Ok(if address.is_some_and(|a| a.is_unpaced_file()) { 0.0 } else { max_age_s })
 }
 
+/// The page of this body.
+fn page(at: SocketAddr, token: Option<String>, loaded: &Loaded, body: &str) -> Page {
+    let antennas = loaded.config.antenna.iter();
+    Page {
+        at,
+        token,
+        body: body.to_owned(),
+        antennas: antennas.map(|antenna| (antenna.name.clone(), antenna.position_m)).collect(),
+        encode: messages::page_line(body),
+    }
+}
+
 /// Nobody beyond this machine may see the page without a token.
-fn page(text: &str, has_token: bool) -> Result<SocketAddr, UsageError> {
+fn page_address(text: &str, has_token: bool) -> Result<SocketAddr, UsageError> {
     let address = text.parse::<SocketAddr>().map_err(|_| {
         UsageError(format!("live.page is {text:?}, expected an address: 127.0.0.1:PORT"))
     })?;

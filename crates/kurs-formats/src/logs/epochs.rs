@@ -10,6 +10,7 @@ use kurs::time::GpsTime;
 use super::choice::Choice;
 use super::dating::Begin;
 use super::frames::{Frame, FrameScanner, Protocol};
+use super::interference::Statements;
 use super::lock_time::LockTimes;
 use super::message::{MessageKind, Role};
 use super::news::News;
@@ -44,6 +45,7 @@ pub(super) struct LogEpochs {
     /// Observations that are not read: where the first of each kind is, and how many there are.
     unread: BTreeMap<MessageKind, (u64, u64)>,
     rtcm: EpochBuilder,
+    interference: Statements,
     /// Where a station says that its antenna is.
     pub(super) place: Option<Vector<Ecef>>,
     /// Of a log that is read as received: navigation data.
@@ -75,6 +77,7 @@ impl LogEpochs {
             slips: PendingSlips::default(),
             unread: BTreeMap::new(),
             rtcm: EpochBuilder::new(begin, options.as_received),
+            interference: Statements::default(),
             place: None,
             news: options.as_received.then(|| {
                 let near = (protocol == Protocol::Rtcm3).then_some(begin.time);
@@ -85,8 +88,15 @@ impl LogEpochs {
     }
 
     /// Goes on with a stream whose first messages were looked into.
-    pub(super) fn go_on_from(&mut self, scanner: FrameScanner, damage: DamageLog, news: News) {
+    pub(super) fn go_on_from(
+        &mut self,
+        scanner: FrameScanner,
+        damage: DamageLog,
+        news: News,
+        interference: Statements,
+    ) {
         (self.scanner, self.damage, self.news) = (scanner, damage, Some(news));
+        self.interference = interference;
     }
 
     /// Navigation data that came before the byte at `offset`, where an epoch begins.
@@ -101,6 +111,7 @@ impl LogEpochs {
             if let Some(news) = &mut self.news {
                 news.gather(&frame, &mut self.damage);
             }
+            self.interference.take(&frame, None, &mut self.damage);
             if frame.protocol != Protocol::Ubx || frame.body[..2] != rawx::RXM_RAWX {
                 let passed = pass(&frame, self.protocol, self.is_chosen, &mut self.unread);
                 if let Err(other) = passed {
@@ -137,6 +148,7 @@ impl LogEpochs {
                     return Err(self.source.wrong_content(format!("ephemerides of {date}"), WEEK));
                 }
             }
+            self.interference.take(&frame, None, &mut self.damage);
             let header = match frame.protocol {
                 Protocol::Rtcm3 => ObservationHeader::read(frame.body),
                 _ => None,
@@ -173,6 +185,7 @@ impl LogEpochs {
             if let Some(news) = &mut self.news {
                 news.gather(&frame, &mut self.damage);
             }
+            self.interference.take(&frame, self.choice.wanted(), &mut self.damage);
             let block = (frame.protocol == Protocol::Sbf).then(|| Block::of(frame.body));
             let Some(block) = block.filter(|block| block.number == measurements::MEAS_EPOCH) else {
                 let passed = pass(&frame, self.protocol, self.is_chosen, &mut self.unread);
@@ -280,6 +293,7 @@ impl RawEpochs for LogEpochs {
             }
         }
         self.slips.apply(epoch, false);
+        epoch.interference = self.interference.at(epoch.time);
         Ok(found)
     }
 

@@ -25,6 +25,8 @@ pub enum Role {
     Navigation,
     /// Where the antenna is.
     Place,
+    /// What the receiver states about foreign signals.
+    Interference,
     /// Nothing.
     Other,
 }
@@ -36,10 +38,10 @@ const OLD_RAW: &str = "raw data of older receivers (let the receiver send RXM-RA
 const OLD_MEASUREMENTS: &str = "let the receiver log MeasEpoch";
 
 /// Messages of u-blox that have names here: class, number, name, what is read.
-const UBX: [(u8, u8, &str, Role); 38] = [
+const UBX: [(u8, u8, &str, Role); 39] = [
     (0x01, 0x01, "NAV-POSECEF", Role::Other),
     (0x01, 0x02, "NAV-POSLLH", Role::Other),
-    (0x01, 0x03, "NAV-STATUS", Role::Other),
+    (0x01, 0x03, "NAV-STATUS", Role::Interference),
     (0x01, 0x04, "NAV-DOP", Role::Other),
     (0x01, 0x05, "NAV-ATT", Role::Other),
     (0x01, 0x06, "NAV-SOL", Role::Other),
@@ -72,13 +74,14 @@ const UBX: [(u8, u8, &str, Role); 38] = [
     (0x0a, 0x09, "MON-HW", Role::Other),
     (0x0a, 0x31, "MON-SPAN", Role::Other),
     (0x0a, 0x36, "MON-COMMS", Role::Other),
-    (0x0a, 0x38, "MON-RF", Role::Other),
+    (0x0a, 0x38, "MON-RF", Role::Interference),
     (0x0d, 0x01, "TIM-TP", Role::Other),
     (0x0d, 0x03, "TIM-TM2", Role::Other),
+    (0x27, 0x09, "SEC-SIG", Role::Interference),
 ];
 
 /// Blocks of Septentrio that have names here.
-const SBF: [(u16, &str, Role); 42] = [
+const SBF: [(u16, &str, Role); 43] = [
     (4001, "DOP", Role::Other),
     (4002, "GALNav", Role::Navigation),
     (4004, "GLONav", Role::Navigation),
@@ -98,6 +101,7 @@ const SBF: [(u16, &str, Role); 42] = [
     (4047, "BDSRaw", Role::Navigation),
     (4066, "QZSRawL1CA", Role::Navigation),
     (4081, "BDSNav", Role::Navigation),
+    (4092, "RFStatus", Role::Interference),
     (4095, "QZSNav", Role::Navigation),
     (4109, "Meas3Ranges", Role::UnreadObservations(OLD_MEASUREMENTS)),
     (4110, "Meas3CN0HiRes", Role::Other),

@@ -10,6 +10,7 @@ pub(crate) mod dating;
 mod epochs;
 pub(crate) mod file_date;
 pub(crate) mod frames;
+mod interference;
 pub(crate) mod lock_clock;
 pub(crate) mod lock_time;
 mod message;

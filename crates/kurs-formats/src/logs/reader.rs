@@ -11,6 +11,7 @@ use super::dating::{Begin, Dating, MIDDLE_WEEK_NS};
 use super::epochs::LogEpochs;
 use super::file_date;
 use super::frames::{FrameScanner, Protocol};
+use super::interference::Statements;
 use super::message::{MessageKind, Role};
 use super::news::News;
 use super::start::Start;
@@ -120,6 +121,8 @@ impl LogReader {
         let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
         let mut news = News::new(options.approximate_time);
         let mut dating = Dating::new(options.approximate_time);
+        let mut interference = Statements::default();
+        let antenna = options.antenna.map(|antenna| u16::from(antenna.0));
         let protocol = loop {
             let Some(frame) = scanner.next(&mut source, &mut damage)? else {
                 return Err(source.wrong_content("no observations", OBSERVATIONS));
@@ -130,11 +133,12 @@ impl LogReader {
                 break frame.protocol;
             }
             news.gather(&frame, &mut damage);
+            interference.take(&frame, antenna, &mut damage);
         };
         scanner.give_again();
         let start = Start { observing: Some(protocol), found: Some(protocol), dating };
         let mut reader = Self::new(source, protocol, &options, start)?;
-        reader.epochs.raw.go_on_from(scanner, damage, news);
+        reader.epochs.raw.go_on_from(scanner, damage, news, interference);
         Ok(reader)
     }
 

@@ -40,8 +40,9 @@ pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use crate::antenna_calibration::MountedAntenna;
 use crate::ephemeris::NavigationData;
-use crate::observation::ArrayEpoch;
-use crate::solution::EpochSolution;
+use crate::observation::interference::Spoofing;
+use crate::observation::{AntennaEpoch, ArrayEpoch};
+use crate::solution::{EpochSolution, Reason};
 
 /// The estimator with its navigation data: one epoch of all antennas in, one row out.
 #[derive(Debug)]
@@ -101,6 +102,12 @@ impl Engine {
         epoch: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
-        self.estimator.push(&self.navigation, epoch, predicted)
+        let mut row = self.estimator.push(&self.navigation, epoch, predicted);
+        let is_spoofed = |of: &AntennaEpoch| of.interference.spoofing == Spoofing::Stated;
+        if self.settings().use_interference_flags && epoch.antennas.iter().flatten().any(is_spoofed)
+        {
+            row.refuse(Reason::Interference);
+        }
+        row
     }
 }

@@ -53,6 +53,8 @@ pub struct Settings {
     pub array_sd_m: f64,
     /// Share of wrong fixes among fixes that acceptance keeps.
     pub max_wrong_fix_rate: f64,
+    /// A row whose receivers state spoofing is refused.
+    pub use_interference_flags: bool,
     /// What the body cannot exceed in pitch or roll.
     pub max_tilt_rad: f64,
     /// For antennas on one line: how far the angle that they cannot see may be from zero (1 sigma).
@@ -81,6 +83,7 @@ impl Default for Settings {
             constraint: Constraint::None,
             array_sd_m: 0.002,
             max_wrong_fix_rate: 0.001,
+            use_interference_flags: true,
             max_tilt_rad: core::f64::consts::FRAC_PI_2,
             roll_sd_rad: 5f64.to_radians(),
             max_angle_sd_rad: 5f64.to_radians(),

@@ -82,7 +82,13 @@ fn antenna_epoch() -> impl Strategy<Value = Option<AntennaEpoch>> {
     let epoch = epoch.prop_map(|(nanoseconds, observations, power_failure, clock_offset_s)| {
         let start = GpsTime::from_week_tow(recording::WEEK, 0.0).unwrap().as_nanoseconds();
         let time = GpsTime::from_nanoseconds(start.saturating_add(nanoseconds));
-        AntennaEpoch { time, observations, power_failure, clock_offset_s }
+        AntennaEpoch {
+            time,
+            observations,
+            power_failure,
+            clock_offset_s,
+            ..AntennaEpoch::default()
+        }
     });
     prop_oneof![9 => epoch.prop_map(Some), 1 => Just(None)]
 }
