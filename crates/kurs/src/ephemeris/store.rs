@@ -420,7 +420,7 @@ mod tests {
         Ephemeris::Kepler(KeplerEphemeris::new(elements).unwrap())
     }
 
-    /// The same satellite `later_s` seconds later.
+    /// The satellite `later_s` seconds later.
     fn shifted(elements: KeplerElements, later_s: f64) -> KeplerElements {
         KeplerElements {
             reference_time: elements.reference_time + later_s,
