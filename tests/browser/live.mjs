@@ -57,7 +57,9 @@ const run = (...args) => {
   children.push(child);
   return child;
 };
-process.on("exit", () => children.forEach((child) => child.kill("SIGKILL")));
+const end = () => children.forEach((child) => child.kill("SIGKILL"));
+process.on("exit", end);
+["SIGINT", "SIGTERM"].forEach((name) => process.on(name, () => process.exit(1)));
 const startService = () => run("live", join(folder, "live.toml"), "--out", join(folder, "live"), "--quiet");
 
 run("simulate", "live.toml", "--stream", String(streams), "--quiet");
@@ -204,7 +206,7 @@ function judgeTrace(events, growth) {
   const sums = [...bins.values()].sort((a, b) => a - b);
   const quantile = (share) => sums[Math.min(sums.length - 1, Math.floor(share * sums.length))] ?? NaN;
   const tasks = main.filter((event) => /RunTask$/.test(event.name)).map(cpu);
-  const longest = Math.max(...tasks);
+  const longest = tasks.reduce((most, task) => Math.max(most, task), 0);
   console.log(
     `${seconds} s, ${sums.length} updates: script and layout of an update median ${quantile(0.5).toFixed(1)}, ` +
       `p99 ${quantile(0.99).toFixed(1)}, longest ${quantile(1).toFixed(1)} ms; longest of ${tasks.length} tasks ` +

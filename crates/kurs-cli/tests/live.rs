@@ -242,6 +242,67 @@ fn a_log_as_fast_as_possible_gives_the_rows_of_solve() {
     }
 }
 
+/// NAV-STATUS of u-blox with this `spoofDetState`.
+fn nav_status(spoofing: u8) -> Vec<u8> {
+    let mut body = vec![0x01, 0x03, 16, 0];
+    body.extend([0; 16]);
+    body[4 + 7] = spoofing << 3;
+    let checksum = body.iter().fold((0_u8, 0_u8), |(a, b), byte| {
+        let a = a.wrapping_add(*byte);
+        (a, b.wrapping_add(a))
+    });
+    [&[0xb5, 0x62], body.as_slice(), &[checksum.0, checksum.1]].concat()
+}
+
+/// A receiver that states spoofing before the 51st epoch and takes it back before the 71st: the rows between are refused, by
+/// `solve` and `live` alike, and by neither if the flags are not to be used.
+#[test]
+fn stated_spoofing_refuses_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(1, "ubx");
+    let rawx = [0xb5, 0x62, 0x02, 0x15];
+    let epochs: Vec<usize> =
+        (0..log.len() - 4).filter(|at| log[*at..].starts_with(&rawx)).collect();
+    assert_eq!(epochs.len(), EPOCHS);
+    let parts = [
+        &log[..epochs[50]],
+        &nav_status(2),
+        &log[epochs[50]..epochs[70]],
+        &nav_status(1),
+        &log[epochs[70]..],
+    ];
+    let spoofed = folder.path().join("A1.ubx");
+    fs::write(&spoofed, parts.concat()).unwrap();
+    let names = [logs().join("A0.ubx"), spoofed];
+    let run = |command: &str, flags: &str| {
+        let line = |index: usize| match command {
+            "live" => format!("stream = \"file://{}?speed=0\"", names[index].display()),
+            _ => format!("obs = [\"{}\"]", names[index].display()),
+        };
+        let file = folder.path().join(format!("{command}.toml"));
+        fs::write(&file, configuration([&line(0), &line(1)], flags)).unwrap();
+        let out = folder.path().join(format!("{command}-out"));
+        let mut run = kurs();
+        run.arg(command).arg(&file).args(["--quiet", "--out"]).arg(&out);
+        if command == "live" {
+            run.arg("--once");
+        }
+        assert!(run.status().unwrap().success());
+        match command {
+            "live" => rows(&out)[0].clone(),
+            _ => fs::read_to_string(out.join("attitude.csv")).unwrap(),
+        }
+    };
+    let solved = run("solve", "");
+    assert_eq!(run("live", ""), solved);
+    for (number, row) in solved.lines().skip(1).enumerate() {
+        let is_refused = row.contains(",inconsistent,interference,");
+        assert_eq!(is_refused, (50..70).contains(&number), "{number}: {row}");
+    }
+    let ignored = run("solve", "[solve]\nuse_interference_flags = false\n");
+    assert!(!ignored.contains("interference"));
+}
+
 /// A station that is read as fast as the antennas, on which every row waits.
 #[test]
 fn logs_with_a_station_give_the_rows_of_solve() {

@@ -21,6 +21,7 @@ pub(super) fn findings(
     damage: &[Damage],
 ) -> Vec<Finding> {
     let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
+    all.extend(patient.interference(sample));
     if fixed_of_session(sample, trials) < WELL {
         let times = patient.times(sample, trials);
         all.extend(times);

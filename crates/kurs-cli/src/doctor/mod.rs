@@ -7,6 +7,7 @@
 mod causes;
 mod diagnosis;
 mod geometry;
+mod interference;
 mod noise;
 mod patient;
 mod presence;

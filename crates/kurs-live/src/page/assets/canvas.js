@@ -1,10 +1,12 @@
 // Drawing surfaces: as sharp as the screen, in the colours of the style, and never too much in one frame.
 
-// So long, in ms, drawing may take in a frame before the rest waits for the next one.
-const BUDGET_MS = 4;
+// Of the surfaces that are not urgent one is drawn in so long, ms: an update at 20 Hz.
+const TURN_MS = 50;
 
-const waiting = new Map();
+const urgent = new Set();
+const patient = new Set();
 let isAsked = false;
+let lastTurn = 0;
 let colours = readColours();
 
 function readColours() {
@@ -20,10 +22,11 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
 
 const surfaces = [];
 
-// A canvas with the function that draws it; `ask` has it drawn in one of the next frames.
+// A canvas with the function that draws it; `ask` has it drawn in the next frame, or when it is its turn.
 export class Surface {
-  constructor(canvas, draw) {
+  constructor(canvas, draw, isUrgent = false) {
     this.canvas = canvas;
+    this.queue = isUrgent ? urgent : patient;
     this.draw = draw;
     this.context = canvas.getContext("2d");
     this.width = 0;
@@ -42,7 +45,7 @@ export class Surface {
   }
 
   ask() {
-    waiting.set(this, true);
+    this.queue.add(this);
     if (!isAsked) {
       isAsked = true;
       requestAnimationFrame(drawSome);
@@ -60,14 +63,16 @@ export class Surface {
   }
 }
 
-function drawSome() {
-  const start = performance.now();
-  for (const surface of waiting.keys()) {
-    waiting.delete(surface);
-    surface.paint();
-    if (performance.now() - start > BUDGET_MS) break;
+function drawSome(now) {
+  urgent.forEach((surface) => surface.paint());
+  urgent.clear();
+  const [next] = patient;
+  if (next && now - lastTurn >= TURN_MS) {
+    lastTurn = now;
+    patient.delete(next);
+    next.paint();
   }
-  isAsked = waiting.size > 0;
+  isAsked = patient.size > 0;
   if (isAsked) requestAnimationFrame(drawSome);
 }
 
@@ -75,11 +80,4 @@ function drawSome() {
 export function niceStep(range, parts) {
   const power = 10 ** Math.floor(Math.log10(range / parts));
   return power * [1, 2, 5, 10].find((factor) => (power * factor * parts) >= range * (1 - 1e-9));
-}
-
-export function line(context, points, colour) {
-  context.strokeStyle = colour;
-  context.beginPath();
-  for (const [x, y] of points) context.lineTo(x, y);
-  context.stroke();
 }

@@ -76,9 +76,12 @@ function draw(rows, value, colour, name, context, width, height, colours) {
     if (line.length === 1) context.lineTo(x(line[0][0]) + 1, y(line[0][1]));
     context.stroke();
   }
+  const text = lines.length > 0 ? name : `${name}: none`;
+  context.fillStyle = colours.panel;
+  context.fillRect(LEFT + 3, TOP, context.measureText(text).width + 6, 16);
   context.fillStyle = colours.soft;
   context.textAlign = "left";
-  context.fillText(lines.length > 0 ? name : `${name}: none`, LEFT + 6, TOP + 8);
+  context.fillText(text, LEFT + 6, TOP + 8);
 }
 
 function range(lines) {

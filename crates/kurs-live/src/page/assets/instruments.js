@@ -10,8 +10,8 @@ const POINTS = { 0: "N", 45: "NE", 90: "E", 135: "SE", 180: "S", 225: "SW", 270:
 export class Instruments {
   constructor(rows) {
     this.rows = rows;
-    this.tape = new Surface(byId("tape"), (...surface) => this.drawTape(...surface));
-    this.horizon = new Surface(byId("horizon"), (...surface) => this.drawHorizon(...surface));
+    this.tape = new Surface(byId("tape"), (...surface) => this.drawTape(...surface), true);
+    this.horizon = new Surface(byId("horizon"), (...surface) => this.drawHorizon(...surface), true);
   }
 
   update() {
