@@ -10,7 +10,7 @@ impl Patient<'_> {
     pub(super) fn interference(&self, sample: &Sample) -> Vec<Finding> {
         let spoofing = self.stated(sample, |of| of.spoofing == Spoofing::Stated);
         let jamming = self.stated(sample, |of| of.jamming >= Jamming::Warning);
-        let finding = |code, cause: &str, advice: &str| {
+        let finding = |code, cause: &'static str, advice: &'static str| {
             move |evidence| Finding { code, cause: cause.into(), evidence, advice: advice.into() }
         };
         let spoofed = finding(

@@ -9,7 +9,7 @@ struct Explained {
     advice: &'static str,
 }
 
-const EXPLAINED: [Explained; 19] = [
+const EXPLAINED: [Explained; 20] = [
     Explained {
         word: "few_satellites",
         meaning: "the antennas share too few satellites",
