@@ -69,8 +69,8 @@ mod tests {
         }
         assert_eq!(low[0], 60);
         assert_eq!(low.len(), usize::try_from(low[low.len() - 1] - 59).unwrap(), "without a break");
-        // The plain mean of 60 s at 42 and t s at 32 is 6 dB above 32 for t = 40.
-        assert_eq!(low[low.len() - 1], 99);
+        // 59 steps at 42 and the others at 32: their mean after s seconds is 590 / s above 32.
+        assert_eq!(low[low.len() - 1], 98);
         let usual_dbhz = level.unwrap().usual_dbhz;
         assert!((usual_dbhz - 32.0).abs() < 0.1, "{usual_dbhz}");
     }

@@ -179,7 +179,7 @@ mod tests {
                 let at = random(bytes.len());
                 match random(5) {
                     0 => bytes[at] = u8::try_from(random(256)).unwrap(),
-                    1 => drop(bytes.remove(at)),
+                    1 if bytes.len() > 1 => drop(bytes.remove(at)),
                     2 => bytes.truncate(at.max(1)),
                     3 => {
                         let copied = bytes[at..].to_vec();

@@ -131,7 +131,7 @@ mod tests {
             let lost = number == 13_003;
             history.push(&row(f64::from(number) * 0.05, (!lost).then_some(90.0)));
         }
-        assert_eq!(history.points.len(), 1200);
+        assert_eq!(history.points.len(), 1201, "both ends");
         let json = history.json();
         let points = json["points"].as_array().unwrap();
         let lost: Vec<&Value> = points.iter().filter(|point| point[1].is_null()).collect();
