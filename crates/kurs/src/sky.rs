@@ -22,7 +22,7 @@ pub struct View {
     pub range_m: f64,
 }
 
-/// SkyDirection in the local level axes of an antenna.
+/// A direction in the local level axes of an antenna.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SkyDirection {
     /// Clockwise from north.

@@ -184,6 +184,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if !args.quiet {
         phase_centers.tell();
     }
+    streams.keep_systems(|system| settings.wants_system(system));
     let mut review = Review::new(args, loaded, &navigation)?;
     let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;

@@ -166,7 +166,8 @@ impl Estimator {
         };
         for (antenna, epoch) in seen.antennas.iter().enumerate() {
             let Some(epoch) = epoch else { continue };
-            self.continuity.update(antenna, epoch, |satellite, band| {
+            let wanted = |system| self.settings.wants_system(system);
+            self.continuity.update(antenna, epoch, wanted, |satellite, band| {
                 band.wavelength_m(navigation.ephemerides.glonass_channel(satellite))
             });
         }

@@ -122,7 +122,27 @@ pub fn solve(
     time: GpsTime,
     settings: &PointSettings,
 ) -> Result<PointSolution, NoPosition> {
+    solved(PositionFit::new(tracked, &navigation.ionosphere, time, settings))
+}
+
+/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere, from the Earth's centre.
+///
+/// # Errors
+///
+/// As [`solve`].
+pub fn solve_near(
+    tracked: &[Tracked],
+    navigation: &NavigationData,
+    time: GpsTime,
+    settings: &PointSettings,
+    near_m: Vector<Ecef>,
+) -> Result<PointSolution, NoPosition> {
     let mut fit = PositionFit::new(tracked, &navigation.ionosphere, time, settings);
+    (fit.position_m, fit.near) = (near_m.xyz(), true);
+    solved(fit).or_else(|_| solve(tracked, navigation, time, settings))
+}
+
+fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     fit.converge()?;
     // Where nothing explains the misfit, the honest larger residuals stay.
     let explained = if fit.is_consistent() { None } else { without_faults(&fit) };
