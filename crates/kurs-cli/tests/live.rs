@@ -1474,7 +1474,8 @@ fn two_bodies_see_each_other_as_they_are() {
     let (rows, relative) = ([free_port(), free_port()], [free_port(), free_port()]);
     let places = ["[0.0, 0.0, 0.0]", "[1.2, 0.0, 0.0]", "[0.0, 1.0, 0.0]"];
     let configuration = |index: usize| {
-        let antennas = places.iter().zip(receivers.port + 3 * index as u16..).enumerate();
+        let antennas =
+            places.iter().zip(receivers.port + 3 * u16::try_from(index).unwrap()..).enumerate();
         let antennas = antennas.map(|(number, (place, port))| {
             let stream = format!("stream = \"tcp://127.0.0.1:{port}\"");
             format!("[[antenna]]\nname = \"A{number}\"\n{stream}\nposition_m = {place}\n")
@@ -1646,9 +1647,10 @@ fn foreign_programs_feed_it_and_read_it() {
     }
 }
 
-/// The casters of pygnssutils (PyPI), one for each antenna, with a password.
+/// The casters of pygnssutils (PyPI), one for each antenna, with a password; the stream of the second one
+/// comes through its client.
 #[test]
-fn casters_of_pygnssutils_feed_it() {
+fn casters_and_client_of_pygnssutils_feed_it() {
     let folder = tempfile::tempdir().unwrap();
     let receivers = Receivers::start(folder.path(), "rtcm3", 0.2, "1");
     let casters = [free_port(), free_port()];
@@ -1662,8 +1664,17 @@ fn casters_of_pygnssutils_feed_it() {
         partners.push(partner);
         wait_for("the caster", || TcpStream::connect(("127.0.0.1", caster)).ok());
     }
-    let streams =
-        casters.map(|port| format!("stream = \"ntrip://me:secret@127.0.0.1:{port}/pygnssutils\""));
+    let port = free_port();
+    let (caster, to) = (casters[1].to_string(), format!("127.0.0.1:{port}"));
+    let flags = ["-S", "127.0.0.1", "-P", &caster, "-M", "pygnssutils", "--clioutput", "3"];
+    let who = ["--ntripuser", "me", "--ntrippassword", "secret", "--output", &to];
+    let Some(_client) = Partner::start("gnssntripclient", &[&flags[..], &who].concat()) else {
+        return;
+    };
+    let streams = [
+        format!("stream = \"ntrip://me:secret@127.0.0.1:{}/pygnssutils\"", casters[0]),
+        format!("stream = \"tcp://127.0.0.1:{port}\""),
+    ];
     // The ephemerides were sent before anybody listened.
     let files = format!("as_received = true\nfiles = [\"{}\"]", logs().join("nav.rnx").display());
     let text = configuration([&streams[0], &streams[1]], "").replace("as_received = true", &files);

@@ -93,7 +93,8 @@ impl Estimator {
             self.heartbeat.fetch_add(1, Relaxed);
             let due_s = self.matcher.due_at_s().map_or(f64::INFINITY, |due_s| due_s - self.now_s());
             let wait = Duration::from_secs_f64(due_s.clamp(0.0, HEARTBEAT.as_secs_f64()));
-            let carrier_due = self.carrier.as_mut().and_then(Carrier::due);
+            let carrier_due =
+                self.carrier.as_ref().and_then(|carrier| carrier.due(!self.complete.is_empty()));
             let wait = carrier_due
                 .map_or(wait, |due| wait.min(due.saturating_duration_since(Instant::now())));
             match events.recv_timeout(wait) {

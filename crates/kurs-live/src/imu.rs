@@ -200,10 +200,12 @@ impl Carrier {
         self.is_silent
     }
 
-    /// When [`Self::is_ready`] or [`Self::advance`] may say something else though nothing comes.
-    pub(crate) fn due(&mut self) -> Option<Instant> {
+    /// When [`Self::is_ready`] or, without a complete epoch, [`Self::advance`] may say something else though
+    /// nothing comes.
+    pub(crate) fn due(&self, has_complete: bool) -> Option<Instant> {
         match self.awaiting {
             Some((_, since)) => (!self.is_unpaced).then(|| since + self.deadline()),
+            None if has_complete => None,
             None => self.overdue_at(),
         }
     }

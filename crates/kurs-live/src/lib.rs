@@ -42,7 +42,7 @@ pub use input::{Input, STATION};
 pub use lines::Lines;
 pub use ntrip::body_of_answer;
 pub use output::{Encode, Output};
-pub use peer::{EncodeRelative, OTHER_TIME, PeerSetup, RelativeRow, SILENT};
+pub use peer::{EncodeRelative, PeerSetup, RelativeRow, body_state};
 pub use record::gps_time;
 pub use relative::{BodyState, Relative, RelativeSettings, relative};
 pub use service::{

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use kurs::frames::{Geodetic, Vector};
+use kurs::frames::{Geodetic, Ned, Vector};
 use kurs::solution::{EpochSolution, Status};
 use kurs::time::GpsTime;
 use kurs::turn_rate::{AngleRates, Rate};
@@ -15,6 +15,11 @@ use crate::relative::{BodyState, Relative, RelativeSettings, relative};
 
 /// Rows of a peer that are kept to find the one nearest in time: three seconds at 20 Hz.
 const KEPT: usize = 64;
+/// Faster turns, °/s, and speeds are none: a top turns slower, a satellite is slower.
+const MAX_RATE_DEGPS: f64 = 10_000.0;
+const MAX_SPEED_MPS: f64 = 10_000.0;
+/// Weeks after this, in the year 2171, are none.
+const MAX_WEEK: i32 = 10_000;
 /// Two times of one epoch differ by less, s.
 const ONE_EPOCH_S: f64 = 1e-6;
 
@@ -52,14 +57,14 @@ pub struct RelativeRow {
     pub ages_s: [Option<f64>; 2],
     /// Fixed if both are, float if one is; otherwise lost.
     pub status: Status,
-    /// Why it is not fixed: the word of the body that is not, or [`SILENT`] or [`OTHER_TIME`].
+    /// Why it is not fixed: the word of the body that is not, or `peer_silent`, `peer_time`.
     pub reason: String,
 }
 
 /// Nothing usable came from the peer for too long.
-pub const SILENT: &str = "peer_silent";
+const SILENT: &str = "peer_silent";
 /// What comes from the peer is of another time.
-pub const OTHER_TIME: &str = "peer_time";
+const OTHER_TIME: &str = "peer_time";
 
 /// A line of a peer: the columns of `attitude.csv`, as far as they are needed.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -103,8 +108,7 @@ impl PeerLine {
     /// Reads a line of `jsonl`; the error says what is wrong with it.
     pub(crate) fn read(text: &str) -> Result<Self, String> {
         let line: Line = serde_json::from_str(text).map_err(|error| error.to_string())?;
-        let time =
-            line.gps_week.zip(line.tow_s).filter(|(_, tow_s)| (0.0..=604_800.0).contains(tow_s));
+        let time = line.gps_week.zip(line.tow_s).filter(|(week, _)| *week <= MAX_WEEK);
         let time = time.and_then(|(week, tow_s)| GpsTime::from_week_tow(week, tow_s));
         let time = time.ok_or("`gps_week` and `tow_s` are no time")?;
         let status = Status::ALL.into_iter().find(|status| status.word() == line.status);
@@ -144,10 +148,12 @@ impl Line {
         }
         let rates: AngleRates = core::array::from_fn(|k| {
             let (rate, sd) = rates_degps[k].zip(rate_sd_degps[k])?;
-            Some(Rate { radps: rate * one, sd_radps: sd.abs() * one })
+            (rate.abs().max(sd.abs()) <= MAX_RATE_DEGPS)
+                .then_some(Rate { radps: rate * one, sd_radps: sd.abs() * one })
         });
         let velocity_mps = match (self.vel_north_mps, self.vel_east_mps, self.vel_down_mps) {
-            (Some(north), Some(east), Some(down)) => Some(Vector::new(north, east, down)),
+            (Some(north), Some(east), Some(down)) => Some(Vector::new(north, east, down))
+                .filter(|velocity: &Vector<Ned>| velocity.norm() <= MAX_SPEED_MPS),
             _ => None,
         };
         let place = match (self.latitude_deg, self.longitude_deg, self.height_m) {
@@ -161,6 +167,15 @@ impl Line {
         let angles_rad = angles_deg.map(|angle| angle.map(f64::to_radians));
         Ok(BodyState { time, status, angles_rad, covariance_rad2, rates, place })
     }
+}
+
+/// What a line of another body says of it.
+///
+/// # Errors
+///
+/// What is wrong with the line, in words.
+pub fn body_state(line: &str) -> Result<BodyState, String> {
+    PeerLine::read(line).map(|line| line.state)
 }
 
 /// One peer, with its latest rows.

@@ -119,9 +119,10 @@ impl AttitudeFeed {
         self.session.last_row()
     }
 
-    /// Takes all samples that are left.
+    /// Takes the samples that are left, as far as they are of the day after the last row.
     pub fn take_rest(&mut self) {
-        self.take_samples(f64::INFINITY);
+        let last_s = self.last.map_or(f64::INFINITY, |last| self.session.seconds(last));
+        self.take_samples(last_s + NEW_WEEK_WITHIN_S);
     }
 
     /// How many samples and rows came too late.
@@ -169,11 +170,10 @@ impl AttitudeFeed {
     }
 
     fn take_samples(&mut self, until_s: f64) {
-        let near_s = |tow_s| if until_s.is_finite() { in_week_of(until_s, tow_s) } else { tow_s };
         while let Some((tow_s, sample)) =
-            self.samples.pop_front_if(|(tow_s, _)| near_s(*tow_s) <= until_s)
+            self.samples.pop_front_if(|(tow_s, _)| in_week_of(until_s, *tow_s) <= until_s)
         {
-            let taken = self.session.push_sample(near_s(tow_s), sample);
+            let taken = self.session.push_sample(in_week_of(until_s, tow_s), sample);
             self.too_late += usize::from(taken.is_err());
         }
     }
@@ -184,7 +184,7 @@ impl AttitudeFeed {
 fn in_week_of(time_s: f64, tow_s: f64) -> f64 {
     let in_week_s = tow_s + WEEK_S * ((time_s - tow_s) / WEEK_S).round();
     let began_anew =
-        (0.0..=WEEK_S).contains(&tow_s) && (in_week_s - time_s).abs() < NEW_WEEK_WITHIN_S;
+        (0.0..=WEEK_S).contains(&tow_s) && (in_week_s - time_s).abs() <= NEW_WEEK_WITHIN_S;
     if began_anew { in_week_s } else { tow_s }
 }
 
