@@ -1469,6 +1469,12 @@ fn seen_from([first, second]: [[f64; 3]; 2]) -> [f64; 3] {
 #[test]
 fn two_bodies_see_each_other_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
+    // Receivers send ephemerides once, before the one that is killed comes back.
+    let scenario = folder.path().join("bodies.toml");
+    fs::write(&scenario, TWO_BODIES).unwrap();
+    let mut simulate = kurs();
+    simulate.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+    assert!(simulate.status().unwrap().success());
     let receivers = Receivers::of_scenario(folder.path(), TWO_BODIES, "ubx", "2");
     let bodies = ["tractor", "implement"];
     let (rows, relative) = ([free_port(), free_port()], [free_port(), free_port()]);
@@ -1482,7 +1488,7 @@ fn two_bodies_see_each_other_as_they_are() {
         });
         antennas.collect::<String>()
             + &format!(
-                "[solve]\narray_sd_m = 0.0005\n[live]\nbody = \"{}\"\n[[peer]]\nname = \"{}\"\nfrom = \"tcp://127.0.0.1:{}\"\n\
+                "[nav]\nfiles = [\"../nav.rnx\"]\n[solve]\narray_sd_m = 0.0005\n[live]\nbody = \"{}\"\n[[peer]]\nname = \"{}\"\nfrom = \"tcp://127.0.0.1:{}\"\n\
                  [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"jsonl\"\n\
                  [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"relative\"\n",
                 bodies[index],

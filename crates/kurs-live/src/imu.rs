@@ -187,6 +187,7 @@ impl Carrier {
             return true;
         }
         self.feed.pass(self.newest_sample(time).map_or(time, |newest| newest.min(time)));
+        self.return_permits();
         let since = match self.awaiting {
             Some((awaited, since)) if awaited == time => since,
             _ => self.awaiting.insert((time, Instant::now())).1,
