@@ -71,6 +71,8 @@ pub enum Reason {
     Unproven,
     /// Integers of one arc disagree between epochs.
     Contradiction,
+    /// The attitude is not of this epoch: a gyro carried it here.
+    Predicted,
     /// A receiver states that satellites are imitated.
     Interference,
 }
@@ -522,7 +524,7 @@ impl Status {
 
 impl Reason {
     /// Every reason, in the order of the documentation.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::FewSatellites,
         Self::FewAntennas,
         Self::NoEphemeris,
@@ -542,6 +544,7 @@ impl Reason {
         Self::BadInput,
         Self::Unproven,
         Self::Contradiction,
+        Self::Predicted,
         Self::Interference,
     ];
 
@@ -568,6 +571,7 @@ impl Reason {
             Self::BadInput => "bad_input",
             Self::Unproven => "unproven",
             Self::Contradiction => "contradiction",
+            Self::Predicted => "predicted",
             Self::Interference => "interference",
         }
     }

@@ -45,6 +45,7 @@ use view::View;
 use crate::access::{self, Access};
 use crate::http;
 use crate::output::Encode;
+use crate::peer::RelativeRow;
 use crate::service::Times;
 use crate::status::Status;
 
@@ -69,6 +70,8 @@ pub struct Page {
     pub antennas: Vec<(String, Option<[f64; 3]>)>,
     /// A row as the page gets it: a line of JSON.
     pub encode: Encode,
+    /// The same of another body.
+    pub encode_relative: fn(&RelativeRow) -> Option<Vec<u8>>,
 }
 
 /// Where rows come together with what the page shows of them.
@@ -78,6 +81,7 @@ pub(crate) struct Hub {
     body: String,
     antennas: Vec<(String, Option<[f64; 3]>)>,
     encode: Encode,
+    encode_relative: fn(&RelativeRow) -> Option<Vec<u8>>,
     began: SystemTime,
     log_dir: Option<PathBuf>,
     commands: mpsc::Sender<Command>,
@@ -107,6 +111,7 @@ impl Hub {
             body: page.body,
             antennas: page.antennas,
             encode: page.encode,
+            encode_relative: page.encode_relative,
             began: SystemTime::now(),
             log_dir,
             commands,
@@ -123,22 +128,20 @@ impl Hub {
         Ok((hub, bound))
     }
 
-    /// Takes a row; on the engine's thread, so nothing here waits for a client.
-    pub(crate) fn note(
-        &self,
-        epoch: &ArrayEpoch,
-        row: &EpochSolution,
-        rates: &AngleRates,
-        times: &Times,
-    ) {
-        lock(&self.history).push(row);
-        lock(&self.happened).note_row(row);
+    /// Looks at an epoch and what the antennas alone make of it; on the engine's thread, so nothing here waits
+    /// for a client.
+    pub(crate) fn see(&self, epoch: &ArrayEpoch, row: &EpochSolution) {
         let mut view = lock(&self.view);
         if view.1.is_none_or(|taken| taken.elapsed() >= STATE_INTERVAL) {
             view.0.take(epoch, row);
             view.1 = Some(Instant::now());
         }
-        drop(view);
+    }
+
+    /// Takes a row that leaves; on the engine's thread too.
+    pub(crate) fn note(&self, row: &EpochSolution, rates: &AngleRates, times: &Times) {
+        lock(&self.history).push(row);
+        lock(&self.happened).note_row(row);
         if let Some(bytes) = (self.encode)(row, rates, times)
             && let Ok(line) = core::str::from_utf8(&bytes)
         {
@@ -213,7 +216,8 @@ async fn tell_state(hub: Arc<Hub>) {
         lock(&hub.happened).note_troubles(&troubles);
         hub.tell_events();
         let view = lock(&hub.view).0.clone();
-        hub.state.send_replace(Arc::from(state::json(&hub.status, &view).to_string()));
+        let state = state::json(&hub.status, &view, hub.encode_relative);
+        hub.state.send_replace(Arc::from(state.to_string()));
     }
 }
 

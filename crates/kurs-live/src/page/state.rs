@@ -7,10 +7,18 @@ use serde_json::{Value, json};
 
 use super::view::View;
 use crate::band_level::BandLevel;
+use crate::peer::RelativeRow;
 use crate::status::{Status, StreamView};
 
 /// Everything that a page shows beside rows and events.
-pub(super) fn json(status: &Status, view: &View) -> Value {
+pub(super) fn json(
+    status: &Status,
+    view: &View,
+    encode_relative: fn(&RelativeRow) -> Option<Vec<u8>>,
+) -> Value {
+    let relative = status.relative();
+    let relative = relative.iter().filter_map(encode_relative);
+    let relative = relative.filter_map(|line| serde_json::from_slice(&line).ok());
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     json!({
         "utc_ms": (now.as_secs_f64() * 1e3).round(),
@@ -23,6 +31,7 @@ pub(super) fn json(status: &Status, view: &View) -> Value {
         "streams": status.streams().iter().map(|of| stream(&of.view())).collect::<Vec<_>>(),
         "sky": view.sky(),
         "array": view.offsets(),
+        "relative": relative.collect::<Vec<Value>>(),
     })
 }
 

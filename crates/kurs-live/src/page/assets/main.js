@@ -52,7 +52,7 @@ const takers = {
     array.update(state.array);
     streams.update(state);
     events.update(state.utc_ms);
-    peers.show(state.relative ?? []);
+    peers.show(state.relative);
     track.update();
     judge();
   },

@@ -22,6 +22,8 @@ const REASONS = {
   contradiction: "integers disagree between epochs",
   interference: "a receiver states that satellites are imitated (spoofing)",
   predicted: "carried by the gyro",
+  peer_silent: "nothing came from it for too long",
+  peer_time: "its time is another one",
   no_rows: "no rows came",
 };
 
