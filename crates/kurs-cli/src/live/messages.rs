@@ -9,30 +9,18 @@ use kurs_formats::nmea;
 use kurs_live::{Encode, Times, gps_time};
 use serde_json::{Map, Value};
 
-use crate::solve::config::{OutputTable, Profile};
 use crate::table::{Table, TableFormat};
 use crate::tables::{self, ATTITUDE, TimeColumns};
 
-/// The encoder of an output.
-pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
-    let float = output.float;
-    let body = body.to_owned();
-    match output.profile {
-        Profile::Marine => sentences(nmea::Profile::Marine),
-        Profile::Gpsd => sentences(nmea::Profile::Gpsd),
-        Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, float, TableFormat::Csv)),
-        Profile::Jsonl => {
-            Arc::new(move |row, rates, times| json_line(row, rates, times, float, &body))
-        }
-    }
+/// The rows of `attitude.csv`.
+pub(super) fn csv(float: bool) -> Encode {
+    Arc::new(move |row, rates, _| line(row, rates, float, TableFormat::Csv))
 }
 
-fn sentences(profile: nmea::Profile) -> Encode {
-    Arc::new(move |row, rates, _| {
-        let mut text = String::new();
-        nmea::encode(profile, row, *rates, &mut text);
-        Some(text.into_bytes())
-    })
+/// The same as JSON lines, with the times of the message and whose it is.
+pub(super) fn json_lines(float: bool, body: &str) -> Encode {
+    let body = body.to_owned();
+    Arc::new(move |row, rates, times| json_line(row, rates, times, float, &body))
 }
 
 /// The position as a GGA sentence.

@@ -5,20 +5,20 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use kurs::ephemeris::NavigationData;
-use kurs::frames::Geodetic;
+use kurs::frames::{Body, Geodetic, Vector};
 use kurs::observation::matcher::Deadline;
 use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin, Reason};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::source::Source;
-use kurs_live::{Address, Finish, Input, MakeEngine, Output, Reloaded, STATION, Setup};
+use kurs_live::{Address, Finish, Input, MakeEngine, Output, Partner, Reloaded, STATION, Setup};
 use nalgebra::Matrix3;
 
 use super::day_tables::DayTables;
 use super::messages;
 use crate::copies::Copies;
 use crate::failure::UsageError;
-use crate::solve::config::{Loaded, OutputTable};
+use crate::solve::config::{Loaded, OutputProfile, OutputTable};
 use crate::solve::{self, phase_centers};
 use crate::summary::Summary;
 
@@ -40,7 +40,7 @@ pub(super) fn setup(
 
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
-    let outputs = loaded.config.output.iter().map(|output| self::output(output, &body));
+    let outputs = loaded.config.output.iter().map(|output| self::output(output, &body, loaded));
     Ok(Setup {
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
@@ -150,7 +150,7 @@ fn deadline(milliseconds: Option<f64>) -> Result<Deadline, UsageError> {
     }
 }
 
-fn output(output: &OutputTable, body: &str) -> Result<Output, UsageError> {
+fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, UsageError> {
     let wrong = |what: String| UsageError(format!("output `{}`: {what}", output.to));
     let address: Address = output.to.parse().map_err(|error| wrong(format!("{error}")))?;
     if matches!(address, Address::Ntrip(_) | Address::File { .. }) {
@@ -161,8 +161,33 @@ fn output(output: &OutputTable, body: &str) -> Result<Output, UsageError> {
     {
         return Err(wrong(format!("rate_hz is {rate_hz}, expected 0.001 to 1000")));
     }
-    let encode = messages::encoder(output, body);
-    Ok(Output { address, rate_hz: output.rate_hz, encode })
+    let (encode, partner, rate_hz) = match output.profile {
+        OutputProfile::Csv => (messages::csv(output.float), Partner::default(), None),
+        OutputProfile::Jsonl => {
+            (messages::json_lines(output.float, body), Partner::default(), None)
+        }
+        OutputProfile::Of(profile) if output.float && !profile.takes_float() => {
+            let word = profile.word();
+            return Err(wrong(format!(
+                "profile `{word}` has fixed angles alone; `float` is for jsonl, csv and ros2, which say how \
+                 certain each angle is"
+            )));
+        }
+        OutputProfile::Of(profile) => {
+            let refused = |what| wrong(format!("profile `{}`: {what}", profile.word()));
+            let line = profile.line(&positions_m(loaded)).map_err(refused)?;
+            let partner = profile.partner(address.baud());
+            (profile.encode(line, output.float), partner, profile.rate_hz())
+        }
+    };
+    Ok(Output { address, rate_hz: output.rate_hz.or(rate_hz), encode, partner })
+}
+
+/// Where the antennas are on the body; empty if that is not known.
+pub(super) fn positions_m(loaded: &Loaded) -> Vec<Vector<Body>> {
+    let positions = loaded.config.antenna.iter().map(|antenna| antenna.position_m);
+    let known: Option<Vec<[f64; 3]>> = positions.collect();
+    known.unwrap_or_default().into_iter().map(|[x, y, z]| Vector::new(x, y, z)).collect()
 }
 
 /// An epoch of the station that is older than this is of no use unless more is asked for.

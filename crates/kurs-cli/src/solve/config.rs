@@ -13,6 +13,7 @@ use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::{LogPart, Protocol};
 use kurs_formats::sbf::AntennaId;
 use kurs_formats::source::can_be_read_again;
+use kurs_live::Profile;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -205,7 +206,7 @@ pub(crate) struct LiveTable {
 #[serde(deny_unknown_fields)]
 pub(crate) struct OutputTable {
     pub(crate) to: String,
-    pub(crate) profile: Profile,
+    pub(crate) profile: OutputProfile,
     pub(crate) rate_hz: Option<f64>,
     /// Angles of float rows leave too.
     #[serde(default)]
@@ -214,16 +215,41 @@ pub(crate) struct OutputTable {
 
 /// What messages look like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Profile {
-    /// Sentences of NMEA 0183.
-    Marine,
-    /// The same as gpsd reads them.
-    Gpsd,
+#[serde(try_from = "String", into = "String")]
+pub(crate) enum OutputProfile {
     /// The columns of `attitude.csv` as JSON lines, with the times of the message.
     Jsonl,
     /// The rows of `attitude.csv`.
     Csv,
+    /// For readers with a format of their own.
+    Of(Profile),
+}
+
+impl TryFrom<String> for OutputProfile {
+    type Error = String;
+
+    fn try_from(word: String) -> Result<Self, String> {
+        match word.as_str() {
+            "jsonl" => Ok(Self::Jsonl),
+            "csv" => Ok(Self::Csv),
+            word => Profile::of_word(word).map(Self::Of).ok_or_else(|| {
+                let known: Vec<&str> =
+                    ["jsonl", "csv"].into_iter().chain(Profile::words()).collect();
+                format!("unknown profile `{word}`, expected one of {}", known.join(", "))
+            }),
+        }
+    }
+}
+
+impl From<OutputProfile> for String {
+    fn from(profile: OutputProfile) -> Self {
+        match profile {
+            OutputProfile::Jsonl => "jsonl",
+            OutputProfile::Csv => "csv",
+            OutputProfile::Of(profile) => profile.word(),
+        }
+        .to_owned()
+    }
 }
 
 /// Raw logs of the streams.
