@@ -56,7 +56,7 @@ def scenario(folder):
     duration_s = len(ATTITUDES) * (HOLD_S + TURN_S)
     with open(folder / "motion.csv", "w") as file:
         file.write("time_s,latitude_deg,longitude_deg,height_m,heading_deg,pitch_deg,roll_deg\n")
-        for tick in range(int(2 * duration_s) + 1):
+        for tick in range(int(2 * duration_s) + 5):  # it stands still behind the last row
             seconds = tick / 2
             leg, in_leg = divmod(seconds, HOLD_S + TURN_S)
             here = ATTITUDES[min(int(leg), len(ATTITUDES) - 1)]
