@@ -19,6 +19,7 @@ pub mod nmea2000;
 pub mod observations;
 mod pending_slips;
 pub mod positions;
+mod read_summary;
 pub mod rinex;
 pub mod ros;
 pub mod rtcm;
