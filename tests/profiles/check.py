@@ -329,8 +329,6 @@ def read_by_pynmeagps(rows, clients):
     for profile in ("marine", "survey"):
         epochs = []
         for line in clients[profile].bytes.splitlines(keepends=True):
-            if line.startswith(b"$PTNL"):
-                continue  # it knows none
             message = NMEAReader.parse(line)
             if message.msgID == "GGA":
                 epochs.append({})
@@ -760,6 +758,41 @@ def covariance_of(row, a, b):
     return sign[a] * sign[b] * row[f"cov_{pair}_deg2"] * math.radians(1) ** 2
 
 
+def read_by_websockets(clients):
+    """What examples/live/to_rosbridge.py passes on to a WebSocket server."""
+    try:
+        import websockets.sync.server
+    except ImportError:
+        return skipped("websockets")
+    check = Faults("to_rosbridge.py")
+    lines, heard = clients["ros2"].bytes.decode().splitlines(keepends=True), []
+    source = socket.create_server(("127.0.0.1", 0))
+
+    def hear(peer):
+        try:
+            for message in peer:
+                heard.append(message)
+        except websockets.ConnectionClosed:
+            pass  # the script is killed
+
+    with websockets.sync.server.serve(hear, "127.0.0.1", 0) as bridge:
+        threading.Thread(target=bridge.serve_forever, daemon=True).start()
+        port = bridge.socket.getsockname()[1]
+        script = HERE.parent.parent / "examples/live/to_rosbridge.py"
+        address = f"127.0.0.1:{source.getsockname()[1]}"
+        passing = subprocess.Popen([sys.executable, script, address, f"ws://127.0.0.1:{port}"])
+        try:
+            peer, _ = source.accept()
+            peer.sendall(clients["ros2"].bytes)
+            wait_for("messages by WebSocket", lambda: len(heard) >= len(lines), is_needed=False)
+        finally:
+            passing.kill()
+    check.matches(lines, heard)
+    for line, message in zip(lines, heard):
+        check.equal("message", {"tow_s": 0.0, "status": "line"}, message, line)
+    return check.done()
+
+
 def read_by_rosbags(path):
     """CDR beside JSON of the same messages."""
     try:
@@ -811,6 +844,7 @@ def main(kurs, ros_messages):
         faults += read_by_nmea2000(rows, clients)
         faults += read_by_node(rows, folder)
         faults += rosbridge(rows, clients)
+        faults += read_by_websockets(clients)
         faults += read_by_rosbags(ros_messages)
     print("\n".join(faults[:40]))
     print(f"{time.monotonic() - began:.0f} s")

@@ -209,6 +209,26 @@ mod tests {
         }
     }
 
+    proptest::proptest! {
+        /// Messages with any payload, and bytes of any kind between them.
+        #[test]
+        fn anything_is_survived(
+            parts in proptest::collection::vec(
+                (0..=255u8, proptest::collection::vec(0..=255u8, 0..80), 0..=255u8),
+                0..40,
+            ),
+        ) {
+            let mut conversation = Conversation::new(115_200);
+            for (number, payload, noise) in parts {
+                let mut sent = frame([CFG, number], &payload);
+                sent.push(noise);
+                conversation.answer(&sent);
+                proptest::prop_assert!(conversation.unread.len() <= HEADER + MAX_PAYLOAD + CHECKSUM);
+                proptest::prop_assert!(conversation.values.len() <= MAX_VALUES);
+            }
+        }
+    }
+
     #[test]
     fn what_is_not_known_is_refused_and_nothing_gathers() {
         let mut conversation = Conversation::new(9600);
