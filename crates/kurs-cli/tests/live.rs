@@ -520,7 +520,7 @@ fn what_to_set_at_a_reader_is_explained() {
                 "MB_OFS_Z = 0.200",
                 "230400 baud",
                 "at most 20 Hz",
-                "GPS1_TYPE = 18",
+                "GPS1_TYPE = 18 (",
             ][..],
         ),
         (

@@ -27,10 +27,8 @@ pub(super) fn explain(word: &str, loaded: &Loaded) -> Result<String, UsageError>
     text.push_str(&match (profile, line) {
         (Profile::Px4, Some(line)) => array.px4(&line),
         (Profile::ArduPilotUbx, Some(line)) => array.ardupilot_ubx(&line),
-        (Profile::ArduPilot, _) => ardupilot("GPS1_TYPE = 5", "NMEA"),
-        (Profile::ArduPilotMavlink, _) => {
-            ardupilot("GPS1_TYPE = 14", "MAVLink2 (SERIALn_PROTOCOL = 2)")
-        }
+        (Profile::ArduPilot, _) => ardupilot("GPS1_TYPE = 5 (NMEA)", GPS_PORT),
+        (Profile::ArduPilotMavlink, _) => ardupilot("GPS1_TYPE = 14 (MAVLink)", "2 (MAVLink 2)"),
         (profile, _) => reader(profile).to_owned(),
     });
     text.push_str(&array.where_the_position_is());
@@ -120,9 +118,9 @@ impl Array {
         let [x, y, z]: [f64; 3] = line.body_m.xyz().into();
         let offset_deg = y.atan2(x).to_degrees().rem_euclid(360.0);
         format!(
-            "PX4 reads an emulated u-blox receiver: NAV-PVT, NAV-DOP, NAV-RELPOSNED, NAV-DAHEADING with the vector from \
-             {base} to {rover}, {:.3} m long (less than 10 m). Both ends of the line are needed: PX4 configures what it \
-             takes for a receiver and waits for answers. Forward, right, down in metres:\n\
+            "PX4 reads an emulated u-blox receiver: NAV-PVT, NAV-DOP, NAV-RELPOSNED and NAV-DAHEADING with\n\
+             the vector from {base} to {rover}, {:.3} m long (less than 10 m). Both wires are needed: PX4 configures\n\
+             what it takes for a receiver and waits for answers. Forward, right, down in metres:\n\
              \n\
              GPS_1_CONFIG = the port             SER_..._BAUD = the baud rate above, not Auto\n\
              GPS_1_PROTOCOL = 1 (u-blox)         EKF2_GPS_CTRL = 15 (with heading)\n\
@@ -146,20 +144,23 @@ impl Array {
              GPS1_MB_OFS_Y = {y:.3}\n\
              GPS1_MB_OFS_Z = {z:.3}\n\
              \n\
-             The offset is that of {base} from {rover}: forward, right, down. A vector that is more than 20 % longer or \
-             shorter ({:.3} m is reported), or not as tilted as the autopilot is, is refused.\n",
-            ardupilot("GPS1_TYPE = 18", "GPS"),
+             The offset is that of {base} from {rover}: forward, right, down. A vector that is more than 20 % longer\n\
+             or shorter ({:.3} m is reported), or not as tilted as the autopilot is, is refused.\n",
+            ardupilot("GPS1_TYPE = 18 (u-blox, rover)", GPS_PORT),
             line.body_m.norm()
         )
     }
 }
+
+/// `SERIALn_PROTOCOL` of a port with a receiver.
+const GPS_PORT: &str = "5 (GPS)";
 
 /// What all ways to ArduPilot need.
 fn ardupilot(kind: &str, protocol: &str) -> String {
     format!(
         "ArduPilot, EKF3:\n\
          \n\
-         {kind:<35} SERIALn_PROTOCOL: {protocol}; SERIALn_BAUD as above\n\
+         {kind:<35} SERIALn_PROTOCOL = {protocol}, SERIALn_BAUD as above\n\
          EK3_SRC1_YAW = 2 (GPS; 3 with a compass to fall back on)\n\
          GPS1_DELAY_MS: what `kurs_epoch_latency_seconds` of /metrics says, in milliseconds\n\
          GPS1_POS_X/Y/Z = where the body's origin is, from the autopilot\n"
