@@ -65,7 +65,6 @@ const WORDS: [(Profile, &str); 13] = [
 
 impl Profile {
     /// The words of all profiles.
-    #[must_use]
     pub fn words() -> impl Iterator<Item = &'static str> {
         WORDS.iter().map(|(_, word)| *word)
     }
