@@ -358,6 +358,7 @@ mod tests {
             "$GNHDT,,T",
             "$GNROT,,V",
             "$PASHR,000000.00,,T,,,,,,,0,0",
+            "$PTNL,AVR,000000.00,,,,,,,,0,,0",
         ];
         assert_eq!(found, expected);
         let found = sentences(&mut Encoder::new(Profile::Gpsd), &lost);
