@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use kurs::frames::{Body, Vector};
+use kurs::solution::Reason;
 use kurs_formats::nmea2000::Form;
 use kurs_formats::ubx::{AntennaLine, Conversation};
 use kurs_formats::{mavlink, nmea, nmea2000, ros, signal_k, ubx};
@@ -138,7 +139,7 @@ impl Profile {
 
     /// The encoder. `line` is the one that an emulated receiver measures; without it such a receiver is silent.
     #[must_use]
-    pub fn encode(self, line: Option<AntennaLine>, float: bool) -> Encode {
+    pub fn encode(self, line: Option<AntennaLine>, float: bool, predicted: bool) -> Encode {
         match self {
             Self::Marine => sentences(nmea::Profile::Marine),
             Self::Gpsd => sentences(nmea::Profile::Gpsd),
@@ -160,7 +161,8 @@ impl Profile {
             Self::Nmea2000ToBus => bus(Form::YdwgToBus),
             Self::Nmea2000Canboat => bus(Form::Canboat),
             Self::Ros2 => Arc::new(move |row, _, _| {
-                let lines = ros::messages(row, float);
+                let is_predicted = row.reason() == Some(Reason::Predicted);
+                let lines = ros::messages(row, if is_predicted { predicted } else { float });
                 Some(lines.iter().map(ros::Message::rosbridge).collect::<String>().into_bytes())
             }),
         }

@@ -17,7 +17,8 @@ pub(super) fn explain(word: &str, loaded: &Loaded) -> Result<String, UsageError>
     let array = Array { positions_m: setup::positions_m(loaded), names: names(loaded) };
     let mut text = where_it_goes(profile, loaded);
     let OutputProfile::Of(profile) = profile else {
-        text.push_str("Nothing is to be set: the columns are those of attitude.csv.\n");
+        let table = if profile == OutputProfile::Relative { "relative" } else { "attitude" };
+        let _ = writeln!(text, "Nothing is to be set: the columns are those of {table}.csv.");
         return Ok(text);
     };
     let unsuitable =

@@ -11,11 +11,14 @@ use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin, Reason};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::source::Source;
-use kurs_live::{Address, Finish, Input, MakeEngine, Output, Partner, Reloaded, STATION, Setup};
+use kurs_live::{
+    Address, Encode, Finish, Input, MakeEngine, Output, Partner, Reloaded, STATION, Setup,
+};
 use nalgebra::Matrix3;
 
 use super::day_tables::DayTables;
-use super::messages;
+use super::messages::Leaves;
+use super::{companions, messages};
 use crate::copies::Copies;
 use crate::failure::UsageError;
 use crate::solve::config::{Loaded, OutputProfile, OutputTable};
@@ -25,7 +28,7 @@ use crate::summary::Summary;
 /// The service of a configuration.
 pub(super) fn setup(
     loaded: &Loaded,
-    mut tables: DayTables,
+    tables: DayTables,
     summary: Arc<Mutex<Summary>>,
     once: bool,
 ) -> anyhow::Result<Setup> {
@@ -40,12 +43,20 @@ pub(super) fn setup(
 
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
-    let outputs = loaded.config.output.iter().map(|output| self::output(output, &body, loaded));
+    let is_relative = |output: &&OutputTable| output.profile == OutputProfile::Relative;
+    let of = |table: &OutputTable| output(table, &body, loaded);
+    let outputs = loaded.config.output.iter();
+    let relative = outputs.clone().filter(is_relative).map(of).collect::<Result<_, _>>()?;
+    let outputs = outputs.filter(|output| !is_relative(output)).map(of);
+    let tables = Arc::new(Mutex::new(tables));
+    let tables_of_peers = Arc::clone(&tables);
     Ok(Setup {
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
         navigation,
         make_engine: make_engine(loaded)?,
+        imu: companions::imu(loaded)?,
+        peers: companions::peers(loaded, &body, relative)?,
         finish: finish(),
         deadline: deadline(live.deadline_ms)?,
         station_max_age_s: station_max_age_s(loaded)?,
@@ -55,7 +66,12 @@ pub(super) fn setup(
             let mut summary = summary.lock().unwrap_or_else(PoisonError::into_inner);
             summary.add(row, row.shared_satellites >= 4);
             drop(summary);
+            let mut tables = tables.lock().unwrap_or_else(PoisonError::into_inner);
             tables.write(row).map_err(|error| format!("{error:#}"))
+        }),
+        write_relative: Box::new(move |row| {
+            let mut tables = tables_of_peers.lock().unwrap_or_else(PoisonError::into_inner);
+            tables.write_relative(row).map_err(|error| format!("{error:#}"))
         }),
         outputs: outputs.collect::<Result<_, _>>()?,
         gga: Box::new(messages::gga),
@@ -92,7 +108,7 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
         let antenna = (number, name.to_owned(), options);
         match inputs.iter_mut().find(|input| input.address == address) {
             Some(input) => input.antennas.push(antenna),
-            None => inputs.push(Input { address, antennas: vec![antenna] }),
+            None => inputs.push(Input { address, antennas: vec![antenna], lines: None }),
         }
         Ok(())
     };
@@ -107,6 +123,7 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
         let options = LogOptions { protocol, station, antenna, ..options };
         add(STATION, "station", s.stream.as_ref(), options)?;
     }
+    inputs.extend(companions::inputs(loaded)?);
     Ok(inputs)
 }
 
@@ -161,15 +178,21 @@ fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, U
     {
         return Err(wrong(format!("rate_hz is {rate_hz}, expected 0.001 to 1000")));
     }
+    let leaves = Leaves { float: output.float, predicted: output.predicted };
     let (encode, partner, rate_hz) = match output.profile {
-        OutputProfile::Csv => (messages::csv(output.float), Partner::default(), None),
-        OutputProfile::Jsonl => {
-            (messages::json_lines(output.float, body), Partner::default(), None)
+        OutputProfile::Csv => (messages::csv(leaves), Partner::default(), None),
+        OutputProfile::Jsonl => (messages::json_lines(leaves, body), Partner::default(), None),
+        // Other bodies have an encoder of their own.
+        OutputProfile::Relative => {
+            let nothing: Encode = Arc::new(|_, _, _| None);
+            (nothing, Partner::default(), None)
         }
-        OutputProfile::Of(profile) if output.float && !profile.takes_float() => {
+        OutputProfile::Of(profile)
+            if (output.float || output.predicted) && !profile.takes_float() =>
+        {
             let word = profile.word();
             return Err(wrong(format!(
-                "profile `{word}` has fixed angles alone; `float` is for jsonl, csv and ros2, which say how \
+                "profile `{word}` has fixed angles alone; `float` and `predicted` are for jsonl, csv and ros2, which say how \
                  certain each angle is"
             )));
         }
@@ -177,7 +200,7 @@ fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, U
             let refused = |what| wrong(format!("profile `{}`: {what}", profile.word()));
             let line = profile.line(&positions_m(loaded)).map_err(refused)?;
             let partner = profile.partner(address.baud());
-            (profile.encode(line, output.float), partner, profile.rate_hz())
+            (profile.encode(line, output.float, output.predicted), partner, profile.rate_hz())
         }
     };
     Ok(Output { address, rate_hz: output.rate_hz.or(rate_hz), encode, partner })
@@ -245,4 +268,116 @@ fn gga_of_place(geodetic: Geodetic, time: Option<GpsTime>) -> Option<String> {
         origin: PositionOrigin::Alone,
     });
     messages::gga(&row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::antenna_names;
+    use crate::solve::config::{Overrides, load};
+    use std::path::PathBuf;
+
+    /// Every table that a live configuration may have.
+    const EVERYTHING: &str = r#"
+[[antenna]]
+name = "A0"
+stream = "serial:///dev/ttyACM0?baud=460800"
+position_m = [0.0, 0.0, 0.0]
+[[antenna]]
+name = "A1"
+stream = "ntrip://me:secret@127.0.0.1:2101/MOUNT"
+position_m = [1.2, 0.0, 0.0]
+station_id = 7
+[live]
+body = "ferry"
+deadline_ms = 50
+page = "127.0.0.1:8080"
+peer_max_age_s = 1.5
+[station]
+stream = "tcp-listen://:5017"
+position_ecef_m = [3500000.0, 800000.0, 5200000.0]
+max_age_s = 10
+[imu]
+stream = "udp://:5018"
+columns = "time_s,gx_degps,gy_degps,gz_degps"
+interval_s = 0.1
+[antennas]
+correlation_s = 2.0
+[filter]
+gate_sigmas = 4.0
+[[output]]
+to = "tcp-listen://127.0.0.1:2947"
+profile = "marine"
+rate_hz = 10
+[[output]]
+to = "tcp://127.0.0.1:2948"
+profile = "relative"
+[[peer]]
+name = "barge"
+from = "tcp://127.0.0.1:7400"
+[log]
+dir = "logs"
+"#;
+
+    fn outcome(folder: &Path, text: &str) -> Result<(), String> {
+        let file: PathBuf = folder.join("live.toml");
+        std::fs::write(&file, text).unwrap();
+        let overrides = Overrides { is_live: true, ..Overrides::default() };
+        let loaded = load(Some(&file), &overrides).map_err(|error| error.to_string())?;
+        let summary = Arc::new(Mutex::new(Summary::new(antenna_names(&loaded))));
+        let tables = DayTables::new(folder, &loaded);
+        let made = setup(&loaded, tables, summary, false).map_err(|error| format!("{error:#}"))?;
+        assert!(made.inputs.len() >= 2 && made.antennas >= 2);
+        Ok(())
+    }
+
+    /// Bytes changed, lines left out, doubled and swapped, values in place of others: a service or an error
+    /// that has words.
+    #[test]
+    fn whatever_a_configuration_says_there_is_a_service_or_an_error_with_words() {
+        const MUTATIONS: usize = 1000;
+        const VALUES: [&str; 8] =
+            ["-1", "1e999", "nan", "\"\"", "[]", "{}", "\"tcp://h:1\"", "9223372036854775807"];
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(outcome(folder.path(), EVERYTHING), Ok(()));
+        // Knuth's multiplier: any sequence will do.
+        let mut state = 1u64;
+        let mut next = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            usize::try_from(state >> 33).unwrap() % below
+        };
+        let mut refused = 0;
+        for _ in 0..MUTATIONS {
+            let mut lines: Vec<String> = EVERYTHING.lines().map(str::to_owned).collect();
+            for _ in 0..=next(2) {
+                let (line, other) = (next(lines.len()), next(lines.len()));
+                match next(5) {
+                    0 => {
+                        lines.remove(line);
+                    }
+                    1 => lines.insert(other, lines[line].clone()),
+                    2 => lines.swap(line, other),
+                    3 => {
+                        let value = VALUES[next(VALUES.len())];
+                        if let Some((key, _)) = lines[line].split_once('=') {
+                            lines[line] = format!("{key}= {value}");
+                        }
+                    }
+                    _ => {
+                        let mut bytes = lines[line].clone().into_bytes();
+                        if !bytes.is_empty() {
+                            let place = next(bytes.len());
+                            bytes[place] = u8::try_from(32 + next(95)).unwrap();
+                        }
+                        lines[line] = String::from_utf8(bytes).unwrap();
+                    }
+                }
+            }
+            if let Err(error) = outcome(folder.path(), &lines.join("\n")) {
+                refused += 1;
+                assert!(error.split_whitespace().count() >= 3, "{error}");
+            }
+        }
+        assert!((MUTATIONS / 10..MUTATIONS).contains(&refused), "{refused}");
+    }
 }
