@@ -98,16 +98,15 @@ def three_points(draws=20_000):
         body = np.array([[0, 0, 0], [c, 0, 0], [x, np.sqrt(b**2 - x**2), 0]])
         turn = Rotation.random(draws, random)
         local = np.einsum("nij,kj->nki", turn.as_matrix(), body) + random.normal(scale=0.005, size=(draws, 3, 3))
-        published = kurs.attitude.three_point(body, local) if max(angles) < 90 else None
+        published = kurs.attitude.three_point(body, local)
         center = body.mean(axis=0)
         wahba = kurs.attitude.wahba(body - center, local - local.mean(axis=1, keepdims=True))
         best = np.degrees(np.sqrt(square(Rotation.from_matrix(wahba.matrix), turn)))
-        if published is None:
-            print(f"| {angles} | – | {best:.3f}° | all |")
-            continue
         solved = ~np.isnan(published.matrix).any(axis=(1, 2))
-        total = np.degrees(np.sqrt(square(Rotation.from_matrix(published.matrix[solved]), turn[solved])))
-        print(f"| {angles} | {total:.2f}° | {best:.3f}° | {100 * (1 - solved.mean()):.1f} % |")
+        total = "–"
+        if solved.any():
+            total = f"{np.degrees(np.sqrt(square(Rotation.from_matrix(published.matrix[solved]), turn[solved]))):.2f}°"
+        print(f"| {angles} | {total} | {best:.3f}° | {100 * (1 - solved.mean()):.1f} % |")
 
 
 if __name__ == "__main__":

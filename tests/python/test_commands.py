@@ -103,8 +103,13 @@ def test_tables_for_others(solution, tmp_path):
 def test_tables_go_through_nanoarrow_too(solution, monkeypatch):
     import polars as pl
 
+    class OnlyArrow:
+        """Polars takes a mapping column by column."""
+
+        __arrow_c_stream__ = solution.attitude.__arrow_c_stream__
+
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    frame = pl.DataFrame(solution.attitude)
+    frame = pl.DataFrame(OnlyArrow())
     for name, column in solution.attitude.items():
         missing = np.isnan(column) if column.dtype.kind == "f" else column == "" if column.dtype.kind == "U" else np.zeros(len(column), bool)
         assert frame[name].is_null().to_list() == missing.tolist(), name

@@ -115,7 +115,7 @@ position_ecef_m = [{x_m}, {y_m}, {z_m}]
         assert engine.push_bytes(antenna, (tmp_path / f"made/{antenna}.ubx").read_bytes()) == []
     data = (tmp_path / f"made/{name}.ubx").read_bytes()
     rows = [row for at in range(0, len(data), 1000) for row in engine.push_bytes("station", data[at : at + 1000])]
-    assert 0 < len(rows) < 26
+    assert 20 < len(rows) <= 26, "an epoch leaves when the station has it"
     rows += engine.flush()
     assert_rows(rows, wanted["attitude"])
     assert_rows([place for row in rows for place in row["by_code"]], wanted["antennas"])
