@@ -154,7 +154,7 @@ impl CheckRow {
 /// What was left out.
 fn words(left_out: LeftOut, names: &[String]) -> String {
     match left_out {
-        LeftOut::UnlikePhases => "phases with unknown biases between unlike receivers".into(),
+        LeftOut::MixedReceiverPhases => "phases with unknown biases between mixed receivers".into(),
         LeftOut::System(system) => format!("all of {system}"),
         LeftOut::Code => "code".into(),
         LeftOut::Link { antenna, satellite } => {

@@ -50,7 +50,7 @@ name = "base"
 place = { latitude_deg = 52.001, longitude_deg = 13.0, height_m = 90.0 }
 "#;
 
-/// The same place in a configuration.
+/// The place of the station in a configuration.
 fn station_position() -> String {
     let place = Geodetic::from_degrees(52.001, 13.0, 90.0).to_ecef().xyz();
     format!("position_ecef_m = [{}, {}, {}]\n", place.x, place.y, place.z)

@@ -15,6 +15,7 @@ pub mod nmea;
 pub mod observations;
 mod pending_slips;
 pub mod positions;
+mod read_summary;
 pub mod rinex;
 pub mod rtcm;
 pub mod sbf;

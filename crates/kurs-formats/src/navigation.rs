@@ -1,29 +1,13 @@
 //! Navigation data of any format: the format is found by content, not by name.
 
-use std::collections::BTreeMap;
-
 use kurs::ephemeris::NavigationData;
-use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use crate::content::Content;
-use crate::damage::DamageLog;
+pub use crate::read_summary::ReadSummary;
 use crate::source::{ReadError, Source};
 use crate::sp3;
 use crate::{logs, rinex};
-
-/// What was found in a file.
-#[derive(Debug, Clone, Default)]
-pub struct ReadSummary {
-    /// Ephemerides taken (SP3: nodes), per system.
-    pub records: BTreeMap<System, usize>,
-    /// Records read past on purpose, per system letter and message (`"G CNAV"`).
-    pub read_past: BTreeMap<String, usize>,
-    /// What could not be used.
-    pub damage: DamageLog,
-    /// Bytes of a log that are no whole message: reading its observations finds them too.
-    pub framing: DamageLog,
-}
 
 /// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, SP3 a to d,
 /// and the navigation messages in receiver logs.

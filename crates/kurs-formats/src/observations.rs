@@ -7,6 +7,7 @@ use std::path::Path;
 use kurs::ephemeris::NavigationData;
 use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
+use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use crate::content::Content;
@@ -121,6 +122,14 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => reader.next_epoch(epoch),
             Self::Log(reader) => reader.next_epoch(epoch),
+        }
+    }
+
+    /// Leaves out the systems that are not wanted, where the format allows to pass over them unread: RINEX does.
+    pub fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
+        match self {
+            Self::Rinex(reader) => reader.keep_systems(wanted),
+            Self::Log(_) => {}
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
+use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use crate::damage::Damage;
@@ -23,6 +24,8 @@ pub struct SessionReader {
     current: ObservationSource,
     waiting: VecDeque<PathBuf>,
     options: LogOptions,
+    /// In the order of [`System::ALL`].
+    wanted: [bool; System::ALL.len()],
     /// Of all files that were looked into.
     glonass_channels: BTreeMap<u8, i8>,
     last: Option<GpsTime>,
@@ -76,6 +79,7 @@ impl SessionReader {
             current: ObservationSource::open_with(first, &options)?,
             waiting,
             options,
+            wanted: [true; System::ALL.len()],
             glonass_channels,
             last: None,
             overlapping: 0,
@@ -83,6 +87,12 @@ impl SessionReader {
             damage_count: 0,
             bytes_read: 0,
         })
+    }
+
+    /// Leaves out the systems that are not wanted ([`ObservationSource::keep_systems`]).
+    pub fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
+        self.wanted = System::ALL.map(wanted);
+        self.current.keep_systems(|system| self.wanted[system as usize]);
     }
 
     /// Reads the next epoch into `epoch`; `false` at the end of the last file.
@@ -99,6 +109,7 @@ impl SessionReader {
                 self.damage_count = self.damage_count();
                 self.bytes_read = self.bytes_read();
                 self.current = ObservationSource::open_with(path, &self.options)?;
+                self.current.keep_systems(|system| self.wanted[system as usize]);
             } else if self.last.is_none_or(|last| epoch.time > last) {
                 self.note_overlap();
                 self.last = Some(epoch.time);

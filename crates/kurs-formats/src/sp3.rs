@@ -10,7 +10,7 @@ use kurs::frames::Vector;
 use kurs::signal::{Satellite, System};
 use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
-use crate::navigation::ReadSummary;
+use crate::read_summary::ReadSummary;
 use crate::rinex::fields::{columns, decimal, integer, small_integer, text};
 use crate::source::{ReadError, Source};
 

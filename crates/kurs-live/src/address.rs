@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// Port of NTRIP casters where none is given.
 const NTRIP_PORT: u16 = 2101;
-/// The same with TLS.
+/// Port of NTRIP casters with TLS where none is given.
 const NTRIPS_PORT: u16 = 443;
 /// Baud rate of serial ports where none is given: what receivers come with most often.
 const BAUD: u32 = 115_200;
@@ -117,7 +117,7 @@ impl Address {
         matches!(self, Self::File { speed, .. } if *speed == 0.0)
     }
 
-    /// The same with a path of a file made absolute by `absolute`.
+    /// The address with a path of a file made absolute by `absolute`.
     #[must_use]
     pub fn with_path(self, absolute: impl FnOnce(PathBuf) -> PathBuf) -> Self {
         match self {

@@ -42,11 +42,11 @@ pub struct Times {
     pub first_byte: Instant,
     /// The last byte of the last antenna's epoch.
     pub last_byte: Instant,
-    /// The same by the system's clock.
+    /// When that byte came, by the system's clock.
     pub last_byte_utc: SystemTime,
     /// The row was there.
     pub row_out: Instant,
-    /// The same by the system's clock.
+    /// When the row was there, by the system's clock.
     pub row_out_utc: SystemTime,
     /// How much older than the row the station's epoch in it is, s.
     pub station_age_s: Option<f64>,

@@ -7,9 +7,9 @@ use std::time::Instant;
 
 use kurs::frames::Geodetic;
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Epoch, Settings, Start};
-use kurs::fusion::attitude_form::AttitudeForm;
-use kurs::fusion::nhe::Angles;
+use kurs::fusion::arm::attitude_form::AttitudeForm;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter, ArmFilterSettings, Start};
+use kurs::fusion::arm::nhe::Angles;
 use nalgebra::Vector3;
 
 const UPDATES: u32 = 400_000;
@@ -22,14 +22,18 @@ fn main() {
         (AttitudeForm::Quaternion, true),
     ] {
         let arm = RotatingArm::new(1.0, 1.0);
-        let settings = Settings { form, angular_acceleration: states_20, ..Settings::new(arm) };
+        let settings = ArmFilterSettings {
+            form,
+            angular_acceleration: states_20,
+            ..ArmFilterSettings::new(arm)
+        };
         let mut filter = ArmFilter::new(settings, &start());
         let began = Instant::now();
         for step in 1..=UPDATES {
             let time_s = f64::from(step) * 1e-3;
             let force = arm.at_angle(arm.angle_rad(time_s)).acceleration_mps2
                 + Vector3::new(0.0, 9.81, 0.0);
-            let epoch = Epoch {
+            let epoch = ArmEpoch {
                 time_s,
                 specific_force_mps2: Some(force),
                 satellites: &[],

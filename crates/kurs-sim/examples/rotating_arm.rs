@@ -9,7 +9,7 @@
 mod campaign;
 
 use campaign::{ACCELERATED, COARSE, Campaign, Candidate, InitialErrors, STEADY, USUAL, corrected};
-use kurs::fusion::attitude_form::AttitudeForm::{Euler, Quaternion};
+use kurs::fusion::arm::attitude_form::AttitudeForm::{Euler, Quaternion};
 use kurs::fusion::kalman::Gate;
 use kurs_sim::rotating_arm::{ArmScenario, Course, TurnShape};
 use plotters::prelude::*;

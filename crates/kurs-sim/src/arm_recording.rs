@@ -15,7 +15,8 @@ use crate::scenario::{
     Antenna, Atmosphere, Body, Law, MotionPlan, Multipath, NoiseLaw, Output, Place, RandomSlips,
     ReceiverClocks, Scenario, Sky,
 };
-use crate::simulation::{Attachments, ScenarioError, SimulatedEpoch, Simulation};
+use crate::scenario_error::ScenarioError;
+use crate::simulation::{Attachments, SimulatedEpoch, Simulation};
 
 /// The antenna's way is given to the simulation at this interval; the cubic between is good to
 /// 1 µm and 0.2 mm/s on an arm of 1 m and 1 Hz.
@@ -148,7 +149,7 @@ impl ArmRecording {
     pub fn samples(&self) -> Vec<AccelerometerSample> {
         let mut noise = Noise::stream(self.plan.seed, ACCELEROMETERS);
         let errors = &self.plan.accelerometers;
-        let mount_from_bfs = errors.mount_from_body * kurs::fusion::nhe::frd_from_bfs();
+        let mount_from_bfs = errors.mount_from_body * kurs::fusion::arm::nhe::frd_from_bfs();
         let step_s = self.plan.sample_interval_s;
         let truths = self.plan.arm.run_from(0.0, step_s, count(self.plan.duration_s, step_s));
         truths

@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::motion::RecordedPose;
 use crate::scenario::{Antenna, Canopy, Imu, MotionPlan, Place, Scenario, Sky, Wall};
-use crate::simulation::ScenarioError;
+use crate::scenario_error::ScenarioError;
 
 /// Letters of the systems that have built-in orbits.
 const BUILT_IN_SYSTEMS: [&str; 5] = ["G", "R", "E", "C", "J"];

@@ -6,7 +6,7 @@ use kurs::signal::{Band, Satellite, Signal, System};
 
 use crate::receivable::{Receivable, present};
 use crate::scenario::{BeiDouOrbit, Bias, Interference, Outage, Scenario, Slip};
-use crate::simulation::ScenarioError;
+use crate::scenario_error::ScenarioError;
 
 /// Semi-major axes above this are geosynchronous, √m.
 const GEOSYNCHRONOUS_SQRT_AXIS: f64 = 6_400.0;

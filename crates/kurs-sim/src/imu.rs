@@ -1,7 +1,7 @@
 //! Gyros and accelerometers on a body of a scenario: what they would read along its true motion.
 
 use kurs::frames::{Body, EARTH_RATE_RADPS, Geodetic, Vector};
-use kurs::fusion::gravity::normal_gravity_mps2;
+use kurs::fusion::earth::gravity::normal_gravity_mps2;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::motion::{Motion, Pose};

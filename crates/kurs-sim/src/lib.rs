@@ -23,6 +23,7 @@ mod receiver;
 pub mod rotating_arm;
 mod satellite_track;
 pub mod scenario;
+mod scenario_error;
 pub mod simulation;
 pub mod walker;
 mod wall;

@@ -7,7 +7,7 @@ use core::str::FromStr;
 use kurs::signal::{Band, Satellite, Signal, System};
 
 use crate::scenario::Scenario;
-use crate::simulation::ScenarioError;
+use crate::scenario_error::ScenarioError;
 
 /// See the module.
 #[derive(Debug)]

@@ -6,7 +6,7 @@
 use core::f64::consts::TAU;
 
 use kurs::frames::{EARTH_RATE_RADPS, Geodetic};
-use kurs::fusion::gravity::normal_gravity_mps2;
+use kurs::fusion::earth::gravity::normal_gravity_mps2;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::noise::Noise;

@@ -19,6 +19,7 @@ use crate::receiver::{AmbiguityChange, Receiver, ReceiverPlan, Reception};
 use crate::rotating_arm::Clock;
 use crate::satellite_track::SatelliteTrack;
 use crate::scenario::{Canopy, ReceiverClocks, Scenario};
+pub use crate::scenario_error::ScenarioError;
 use crate::wall::Wall;
 
 /// A millisecond of clock error.
@@ -32,14 +33,6 @@ const MOTIONS: u64 = 3;
 const SURVEYS: u64 = 4;
 const IMUS: u64 = 600;
 const RECEIVERS: u64 = 1000;
-
-/// Something in the scenario cannot be.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{key}: {problem}")]
-pub struct ScenarioError {
-    key: String,
-    problem: String,
-}
 
 /// What a scenario file refers to, read by the caller.
 #[derive(Debug, Clone, Default)]
@@ -110,12 +103,6 @@ pub struct SimulatedEpoch {
     pub station: Option<AntennaEpoch>,
     /// Whole cycles that were drawn or changed at this epoch.
     pub changes: Vec<AmbiguityChange>,
-}
-
-impl ScenarioError {
-    pub(crate) fn new(key: &str, problem: impl Into<String>) -> Self {
-        Self { key: key.to_owned(), problem: problem.into() }
-    }
 }
 
 impl Simulation {

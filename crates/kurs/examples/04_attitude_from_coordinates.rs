@@ -12,7 +12,7 @@
 
 use std::error::Error;
 
-use kurs::orientation::{AntennaFix, Method, Orienter, PositionEpoch, Settings};
+use kurs::orientation::{AntennaFix, Method, Orienter, OrienterSettings, PositionEpoch};
 use kurs::{AntennaArray, Attitude, Geodetic, GpsTime, Outcome, Vector};
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
@@ -45,7 +45,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let time = GpsTime::from_week_tow(2320, 0.0).ok_or("no such time")?;
     let epoch = PositionEpoch { time, antennas: measured.collect() };
 
-    let orienter = Orienter::new(Settings {
+    let orienter = Orienter::new(OrienterSettings {
         array,
         array_sd_m: 0.002,
         sd_scale: 1.0,

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use crate::ephemeris::{IonosphereParameters, Klobuchar};
 use crate::frames::Geodetic;
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::sky::Direction;
+use crate::sky::SkyDirection;
 use crate::time::GpsTime;
 
 /// Carrier to which Klobuchar's model refers, Hz.
@@ -27,7 +27,7 @@ const TROPOSPHERE_TOP_M: f64 = 40_000.0;
 pub fn ionosphere_m(
     parameters: &IonosphereParameters,
     antenna: &Geodetic,
-    direction: &Direction,
+    direction: &SkyDirection,
     time: GpsTime,
     frequency_hz: f64,
 ) -> f64 {
@@ -52,7 +52,7 @@ pub fn klobuchar_m(
     alpha: &[f64; 4],
     beta: &[f64; 4],
     antenna: &Geodetic,
-    direction: &Direction,
+    direction: &SkyDirection,
     time: GpsTime,
 ) -> f64 {
     let elevation = direction.elevation_rad.max(0.0) / PI;
@@ -157,7 +157,7 @@ mod tests {
     fn klobuchar_at_night() {
         let (alpha, beta) = ([1e-8, 0.0, 0.0, 0.0], [72_000.0, 0.0, 0.0, 0.0]);
         let antenna = Geodetic::from_degrees(40.0, 0.0, 0.0);
-        let zenith = Direction { azimuth_rad: 0.0, elevation_rad: PI / 2.0 };
+        let zenith = SkyDirection { azimuth_rad: 0.0, elevation_rad: PI / 2.0 };
         let night = klobuchar_m(&alpha, &beta, &antenna, &zenith, time_of_day(0.0));
         assert!((night - 5e-9 * 299_792_458.0 * 1.000_432).abs() < 1e-6, "{night}");
         let noon = klobuchar_m(&alpha, &beta, &antenna, &zenith, time_of_day(50_400.0));

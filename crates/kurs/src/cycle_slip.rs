@@ -10,7 +10,7 @@
 //! finds it there.
 
 use crate::observation::{AntennaEpoch, Lock, Observation};
-use crate::signal::{Band, Satellite, Signal};
+use crate::signal::{Band, Satellite, Signal, System};
 use crate::time::GpsTime;
 
 /// An antenna that was silent for longer may have restarted, s.
@@ -75,6 +75,8 @@ struct AntennaTracks {
     epoch: u64,
     /// Sorted by satellite and signal.
     tracks: Vec<Track>,
+    /// Of each phase of the last epoch the index of its track: receivers keep their order.
+    order: Vec<usize>,
     /// Departures from the Doppler prediction: index of the track, m, wavelength.
     departures: Vec<(usize, f64, f64)>,
     sorted: Vec<f64>,
@@ -93,17 +95,19 @@ struct Track {
 }
 
 impl Continuity {
-    /// Takes the next epoch of one antenna. `wavelength_m` of a satellite's band, where it is known.
+    /// Takes the next epoch of one antenna, of the systems that are wanted. `wavelength_m` of a satellite's band, where it
+    /// is known.
     pub fn update(
         &mut self,
         antenna: usize,
         epoch: &AntennaEpoch,
+        wanted: impl Fn(System) -> bool,
         wavelength_m: impl Fn(Satellite, Band) -> Option<f64>,
     ) {
         if self.antennas.len() <= antenna {
             self.antennas.resize_with(antenna + 1, AntennaTracks::default);
         }
-        self.antennas[antenna].update(epoch, wavelength_m);
+        self.antennas[antenna].update(epoch, wanted, wavelength_m);
     }
 
     /// The arc that the latest phase of a signal belongs to; `None` if it never had one.
@@ -126,9 +130,29 @@ impl AntennaTracks {
         self.tracks.binary_search_by_key(&(satellite, signal), |t| (t.satellite, t.signal))
     }
 
+    /// The track of the `place`-th phase of an epoch.
+    fn find_phase(
+        &mut self,
+        place: usize,
+        satellite: Satellite,
+        signal: Signal,
+    ) -> Result<usize, usize> {
+        let is_it = |track: &Track| (track.satellite, track.signal) == (satellite, signal);
+        let likely = self.order.get(place).copied();
+        let found = match likely.filter(|index| self.tracks.get(*index).is_some_and(is_it)) {
+            Some(index) => return Ok(index),
+            None => self.find(satellite, signal),
+        };
+        let (Ok(index) | Err(index)) = found;
+        self.order.resize(self.order.len().max(place + 1), index);
+        self.order[place] = index;
+        found
+    }
+
     fn update(
         &mut self,
         epoch: &AntennaEpoch,
+        wanted: impl Fn(System) -> bool,
         wavelength_m: impl Fn(Satellite, Band) -> Option<f64>,
     ) {
         let elapsed_s = self.time.map_or(0.0, |before| epoch.time - before);
@@ -138,10 +162,11 @@ impl AntennaTracks {
         self.epoch += 1;
         self.departures.clear();
 
-        for observation in &epoch.observations {
-            let Some(phase_cycles) = observation.phase_cycles else { continue };
+        let wanted = epoch.observations.iter().filter(|o| wanted(o.satellite.system));
+        let phases = wanted.filter_map(|o| Some((o, o.phase_cycles?)));
+        for (place, (observation, phase_cycles)) in phases.enumerate() {
             let Observation { satellite, signal, .. } = *observation;
-            let index = match self.find(satellite, signal) {
+            let index = match self.find_phase(place, satellite, signal) {
                 Ok(index) => index,
                 Err(index) => {
                     self.tracks.insert(index, Track::first(observation, self.epoch));
@@ -302,7 +327,7 @@ mod tests {
     }
 
     fn update(continuity: &mut Continuity, epoch: &AntennaEpoch) {
-        continuity.update(0, epoch, |_, band| band.wavelength_m(None));
+        continuity.update(0, epoch, |_| true, |_, band| band.wavelength_m(None));
     }
 
     /// Cause of the arc of every signal that is not in its first one.

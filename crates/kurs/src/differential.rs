@@ -38,12 +38,12 @@ const MAX_PHASE_AGE_S: f64 = 3.0;
 #[derive(Debug)]
 pub struct Differential {
     engine: Engine,
-    station: Option<Station>,
+    station: Option<StationChains>,
 }
 
 /// The station with its two chains; in both it is antenna 0.
 #[derive(Debug)]
-struct Station {
+struct StationChains {
     position_m: Vector<Ecef>,
     /// Station and all antennas, code alone.
     code: Estimator,
@@ -63,7 +63,7 @@ impl Differential {
     ///
     /// [`SettingsError`] for settings that cannot work.
     pub fn new(engine: Engine, station_m: Option<Vector<Ecef>>) -> Result<Self, SettingsError> {
-        let station = station_m.map(|position_m| Station::new(position_m, engine.settings()));
+        let station = station_m.map(|position_m| StationChains::new(position_m, engine.settings()));
         Ok(Self { station: station.transpose()?, engine })
     }
 
@@ -87,7 +87,7 @@ impl Differential {
     }
 }
 
-impl Station {
+impl StationChains {
     fn new(position_m: Vector<Ecef>, settings: &Settings) -> Result<Self, SettingsError> {
         let estimator = |antennas, ambiguities| {
             Estimator::new(Settings {

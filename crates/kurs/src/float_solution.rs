@@ -190,7 +190,13 @@ impl FloatSolution {
         let mut codes: Vec<Option<Codes>> = Vec::with_capacity(groups.len());
         for range in groups {
             let of_group = &links[range.clone()];
-            let code = group_codes(of_group, range.start, unknowns, block);
+            let code_rows = combinations(of_group, |link| link.code_m.is_some());
+            let alike = of_group.iter().all(|link| link.code_m.is_some() == link.phase_m.is_some());
+            let phase_rows = match alike {
+                true => code_rows.clone(),
+                false => combinations(of_group, |link| link.phase_m.is_some()),
+            };
+            let code = group_codes(of_group, code_rows, range.start, unknowns, block);
             if let Some(code) = &code {
                 code_normal.gemm_tr(1.0, &code.design, &code.design, 1.0);
                 code_right.gemv_tr(1.0, &code.design, &code.misclosure, 1.0);
@@ -198,7 +204,7 @@ impl FloatSolution {
                 rows += code.misclosure.len();
             }
             codes.push(code);
-            phases.extend(group_phases(of_group, range.start, unknowns, block));
+            phases.extend(group_phases(of_group, phase_rows, range.start, unknowns, block));
         }
         if rows == 0 && phases.is_empty() {
             return Err(NoFloat::NoCommonSatellites);
@@ -474,11 +480,11 @@ impl FloatSolution {
 /// Whitened code double differences of one group.
 fn group_codes(
     links: &[Link],
+    combinations: Vec<Combination>,
     first_link: usize,
     unknowns: usize,
     block: impl Fn(usize) -> Option<usize>,
 ) -> Option<Codes> {
-    let combinations = combinations(links, |link| link.code_m.is_some());
     let q = covariance(&combinations, |edge| links[edge].variances.code_m2);
     let factor = q.cholesky().filter(|_| !combinations.is_empty())?;
     let (mut design, mut misclosure) =
@@ -491,11 +497,11 @@ fn group_codes(
 /// Phase double differences of one group.
 fn group_phases(
     links: &[Link],
+    rows: Vec<Combination>,
     first_link: usize,
     unknowns: usize,
     block: impl Fn(usize) -> Option<usize>,
 ) -> Option<Phases> {
-    let rows = combinations(links, |link| link.phase_m.is_some());
     let mut covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
     add_common_cycles(&mut covariance_m2, &rows, links);
     let factor = covariance_m2.clone().cholesky().filter(|_| !rows.is_empty())?;

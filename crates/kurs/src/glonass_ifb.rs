@@ -1,4 +1,4 @@
-//! GLONASS phases of unlike receivers: a bias that grows with the frequency channel, learnt from the
+//! GLONASS phases of mixed receivers: a bias that grows with the frequency channel, learnt from the
 //! epochs that are fixed.
 //!
 //! Where the baseline is known, the difference of two satellites' phases (rover less reference) is

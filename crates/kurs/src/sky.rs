@@ -22,9 +22,9 @@ pub struct View {
     pub range_m: f64,
 }
 
-/// Direction in the local level axes of an antenna.
+/// A direction in the local level axes of an antenna.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Direction {
+pub struct SkyDirection {
     /// Clockwise from north.
     pub azimuth_rad: f64,
     /// Above the horizon.
@@ -103,9 +103,9 @@ impl Horizon {
 
     /// Azimuth and elevation of a line of sight (unit vector).
     #[must_use]
-    pub fn direction(&self, line_of_sight: Vector<Ecef>) -> Direction {
+    pub fn direction(&self, line_of_sight: Vector<Ecef>) -> SkyDirection {
         let ned = (self.ned_from_ecef * line_of_sight).xyz();
-        Direction {
+        SkyDirection {
             azimuth_rad: ned.y.atan2(ned.x),
             elevation_rad: (-ned.z).atan2(ned.x.hypot(ned.y)),
         }

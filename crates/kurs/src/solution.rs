@@ -204,9 +204,9 @@ pub struct SignalReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum LeftOut {
-    /// Phases that unlike receivers may have an unknown bias for: GLONASS channels that are not known
+    /// Phases that mixed receivers may have an unknown bias for: GLONASS channels that are not known
     /// yet, geostationary satellites of BeiDou. Their code is good.
-    UnlikePhases,
+    MixedReceiverPhases,
     /// All of a system.
     System(System),
     /// All code.

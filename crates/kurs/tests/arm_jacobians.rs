@@ -7,12 +7,12 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use kurs::frames::{EARTH_RATE_RADPS, Geodetic};
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_model::ArmEnd;
-use kurs::fusion::attitude_form::Carried;
-use kurs::fusion::gradient::Prediction;
-use kurs::fusion::layout::Layout;
-use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::ranging::SatelliteMotion;
+use kurs::fusion::arm::attitude_form::Carried;
+use kurs::fusion::arm::gradient::Prediction;
+use kurs::fusion::arm::layout::Layout;
+use kurs::fusion::arm::model::ArmEnd;
+use kurs::fusion::arm::ranging::SatelliteMotion;
+use kurs::fusion::earth::local_level::LocalLevel;
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;

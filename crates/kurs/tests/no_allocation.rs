@@ -7,14 +7,14 @@ use std::cell::Cell;
 
 use kurs::frames::{Attitude, Geodetic, Vector};
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Drift, Epoch, Settings, Start};
-use kurs::fusion::attitude_filter::{
+use kurs::fusion::arm::attitude_form::AttitudeForm;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter, ArmFilterSettings, Drift, Start};
+use kurs::fusion::arm::nhe::Angles;
+use kurs::fusion::arm::ranging::{Measured, Ranging, SatelliteMotion};
+use kurs::fusion::attitude::filter::{
     AttitudeFilter, InertialSample, InertialSettings, MeasuredAttitude, MeasuredVelocity,
 };
-use kurs::fusion::attitude_form::AttitudeForm;
 use kurs::fusion::kalman::Gate;
-use kurs::fusion::nhe::Angles;
-use kurs::fusion::ranging::{Measured, Ranging, SatelliteMotion};
 use kurs::signal::{Satellite, System as Constellation};
 use nalgebra::{Matrix3, Vector3};
 
@@ -105,7 +105,7 @@ fn push(filter: &mut ArmFilter, arm: &RotatingArm, satellites: &[Ranging], step:
     let angle = arm.angle_rad(time_s);
     let force = arm.at_angle(angle).acceleration_mps2 + Vector3::new(0.0, 9.81, 0.0);
     let with_all = step.is_multiple_of(10);
-    let epoch = Epoch {
+    let epoch = ArmEpoch {
         time_s,
         specific_force_mps2: Some(force),
         satellites: if with_all { satellites } else { &[] },
@@ -121,14 +121,14 @@ fn no_update_of_the_arm_filter_allocates() {
     let drift = Drift { initial_sd: 0.01, density: 1e-8 };
     for form in [AttitudeForm::Euler, AttitudeForm::Quaternion] {
         for (states_20, everything) in [(false, false), (true, false), (true, true)] {
-            let settings = Settings {
+            let settings = ArmFilterSettings {
                 form,
                 angular_acceleration: states_20,
                 adaptive: everything,
                 bias: everything.then_some(drift),
                 arm_angle: everything.then_some(drift),
                 ambiguity_slots: if everything { 12 } else { 0 },
-                ..Settings::new(arm)
+                ..ArmFilterSettings::new(arm)
             };
             let mut filter = ArmFilter::new(settings, &start());
             (1..=200).for_each(|step| push(&mut filter, &arm, &satellites, step));

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use kurs::calibration::sensor_model::{Pose, SensorModel};
 use kurs::calibration::static_intervals::{self, RestSettings};
 use kurs::calibration::{allan, gyro_bias, multi_pose, six_position};
-use kurs::fusion::gravity::normal_gravity_mps2;
+use kurs::fusion::earth::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};

@@ -63,7 +63,7 @@ impl Patient<'_> {
             cause: format!("the phases of {system} do not fit the others"),
             evidence,
             advice: format!(
-                "leave its bands out of `bands`; unlike receivers may have biases for {system}"
+                "leave its bands out of `bands`; mixed receivers may have biases for {system}"
             ),
         }
     }

@@ -42,7 +42,7 @@ pub(crate) const WELL: f64 = 0.98;
 /// Epochs that are solved in every way: each of a dozen ways takes up to 20 ms for an epoch whose integers
 /// do not fit, and nobody waits for more than ten seconds.
 const MAX_EPOCHS: usize = 80;
-/// The same where another command asks.
+/// Epochs that are solved in every way where another command asks.
 const MAX_EPOCHS_IN_PASSING: usize = 60;
 
 /// Satellites behind something that are named in the text.

@@ -68,7 +68,7 @@ const EXPLAINED: [Explained; 19] = [
     Explained {
         word: "residuals",
         meaning: "the phases do not fit their integers",
-        advice: "look for reflections, unlike receivers, and antennas that move against each other",
+        advice: "look for reflections, mixed receivers, and antennas that move against each other",
     },
     Explained {
         word: "two_minima",

@@ -1,6 +1,6 @@
 //! What happened in a run of a filter: told at once, and kept for the summary.
 
-use kurs::fusion::arm_session::Event;
+use kurs::fusion::health::Event;
 
 /// The events of a run, each with its time.
 #[derive(Debug, Default)]

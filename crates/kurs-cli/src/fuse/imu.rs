@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use kurs::frames::Vector;
-use kurs::fusion::attitude_session::ImuSample;
+use kurs::fusion::attitude::session::ImuSample;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 

@@ -2,6 +2,7 @@
 
 mod antennas;
 mod arcs;
+mod gathered;
 mod messages;
 mod navigation;
 mod observations;

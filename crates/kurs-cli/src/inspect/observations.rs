@@ -1,10 +1,10 @@
 //! An observation file, epoch by epoch.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use kurs::observation::{AntennaEpoch, Observation};
-use kurs::signal::{Satellite, Signal, System};
+use kurs::observation::AntennaEpoch;
+use kurs::signal::Signal;
 use kurs_formats::content::Content;
 use kurs_formats::logs::{Census, LogOptions, LogPart};
 use kurs_formats::observations::ObservationSource;
@@ -12,11 +12,12 @@ use kurs_formats::rinex::observation::{Event, ObservationHeader};
 use kurs_formats::source::ReadError;
 use serde::Serialize;
 
-use super::arcs::{Arcs, Jumps, phases};
+use super::arcs::Jumps;
+use super::gathered::{Gathered, SignalCount};
 use super::messages::{MessageReport, messages};
 use super::oddities::oddities;
 use super::sky::{SkyReport, SkyWatch};
-use super::timeline::{TimeReport, Timeline};
+use super::timeline::TimeReport;
 use super::{DamageReport, Known};
 use crate::solve::input::SOURCES_OF_EPHEMERIDES;
 
@@ -102,37 +103,6 @@ pub(super) struct EventLine {
     pub(super) what: String,
 }
 
-/// Counts of one signal.
-#[derive(Debug, Default)]
-struct SignalCount {
-    satellites: BTreeSet<Satellite>,
-    pseudoranges: u64,
-    phases: u64,
-    dopplers: u64,
-    strengths: u64,
-    strength_sum: f64,
-    strength_range: Option<(f64, f64)>,
-    lock_lost: u64,
-    slips: u64,
-    half_cycles: u64,
-}
-
-/// Everything that is gathered on the way through the file.
-#[derive(Debug, Default)]
-pub(super) struct Gathered {
-    pub(super) timeline: Timeline,
-    signals: BTreeMap<Signal, SignalCount>,
-    /// Number of the last epoch in which this phase was there.
-    last_phase: BTreeMap<(Satellite, Signal), u64>,
-    arcs: Arcs,
-    pub(super) satellites: BTreeSet<Satellite>,
-    /// Epochs whose receiver clock offset is stated and not applied.
-    pub(super) clock_offsets: u64,
-    /// GLONASS satellites whose frequency nobody tells.
-    pub(super) without_channel: BTreeSet<Satellite>,
-    epochs: u64,
-}
-
 /// Reads the file, of a log of several stations or antennas the one that is named.
 pub(super) fn inspect(
     file: &Path,
@@ -193,8 +163,8 @@ pub(super) fn inspect(
         messages: census
             .map_or_else(Vec::new, |census| messages(census, gathered.timeline.duration_s())),
         satellites: gathered.satellites_by_system(),
-        signals: gathered.signal_reports(),
-        geometry_free: gathered.jump_reports(),
+        signals: signal_reports(&gathered),
+        geometry_free: jump_reports(&gathered),
         events: events(&source),
         oddities,
         sky,
@@ -236,87 +206,31 @@ impl HeaderReport {
     }
 }
 
-impl Gathered {
-    fn add(&mut self, epoch: &AntennaEpoch, channel: impl Fn(Satellite) -> Option<i8>) {
-        let step_s = self.timeline.add(epoch.time);
-        self.epochs += 1;
-        self.clock_offsets += u64::from(epoch.clock_offset_s.is_some());
-        for observations in epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
-            let satellite = observations[0].satellite;
-            self.satellites.insert(satellite);
-            for observation in observations {
-                self.count(observation);
-            }
-            let channel = (satellite.system == System::Glonass).then(|| channel(satellite));
-            if channel == Some(None) {
-                self.without_channel.insert(satellite);
-            }
-            let phases = phases(observations, channel.flatten(), epoch.power_failure);
-            self.arcs.add(satellite, &phases, self.epochs, step_s);
-        }
-    }
+fn signal_reports(gathered: &Gathered) -> Vec<SignalReport> {
+    let report = |(signal, count): (&Signal, &SignalCount)| SignalReport {
+        signal: signal.to_string(),
+        satellites: count.satellites.len(),
+        pseudoranges: count.pseudoranges,
+        phases: count.phases,
+        dopplers: count.dopplers,
+        cn0_dbhz: count.strength_range.map(|(least, most)| Strength {
+            least,
+            mean: count.strength_sum / count.strengths as f64,
+            most,
+        }),
+        lock_lost: count.lock_lost,
+        slips: count.slips,
+        half_cycles: count.half_cycles,
+    };
+    gathered.signals.iter().map(report).collect()
+}
 
-    fn count(&mut self, o: &Observation) {
-        let count = self.signals.entry(o.signal).or_default();
-        count.satellites.insert(o.satellite);
-        count.pseudoranges += u64::from(o.pseudorange_m.is_some());
-        count.dopplers += u64::from(o.doppler_hz.is_some());
-        if let Some(cn0) = o.cn0_dbhz {
-            count.strengths += 1;
-            count.strength_sum += cn0;
-            let (least, most) = count.strength_range.unwrap_or((cn0, cn0));
-            count.strength_range = Some((least.min(cn0), most.max(cn0)));
-        }
-        if o.phase_cycles.is_none() {
-            return;
-        }
-        count.phases += 1;
-        let before = self.last_phase.insert((o.satellite, o.signal), self.epochs);
-        let continues = before == Some(self.epochs - 1);
-        count.lock_lost += u64::from(o.lock.slipped());
-        count.slips += u64::from(o.lock.slipped() && continues);
-        count.half_cycles += u64::from(o.lock.half_cycle_unresolved());
-    }
-
-    /// The signals that were observed.
-    pub(super) fn observed(&self) -> impl Iterator<Item = Signal> {
-        self.signals.keys().copied()
-    }
-
-    fn satellites_by_system(&self) -> BTreeMap<String, usize> {
-        let mut systems = BTreeMap::new();
-        for satellite in &self.satellites {
-            *systems.entry(satellite.system.to_string()).or_default() += 1;
-        }
-        systems
-    }
-
-    fn signal_reports(&self) -> Vec<SignalReport> {
-        let report = |(signal, count): (&Signal, &SignalCount)| SignalReport {
-            signal: signal.to_string(),
-            satellites: count.satellites.len(),
-            pseudoranges: count.pseudoranges,
-            phases: count.phases,
-            dopplers: count.dopplers,
-            cn0_dbhz: count.strength_range.map(|(least, most)| Strength {
-                least,
-                mean: count.strength_sum / count.strengths as f64,
-                most,
-            }),
-            lock_lost: count.lock_lost,
-            slips: count.slips,
-            half_cycles: count.half_cycles,
-        };
-        self.signals.iter().map(report).collect()
-    }
-
-    fn jump_reports(&self) -> Vec<JumpReport> {
-        let report = |((a, b), jumps): (&(Signal, Signal), &Jumps)| JumpReport {
-            signals: [a.to_string(), b.to_string()],
-            steps: jumps.steps,
-            jumps: jumps.jumps,
-            unannounced: jumps.unannounced,
-        };
-        self.arcs.jumps.iter().map(report).collect()
-    }
+fn jump_reports(gathered: &Gathered) -> Vec<JumpReport> {
+    let report = |((a, b), jumps): (&(Signal, Signal), &Jumps)| JumpReport {
+        signals: [a.to_string(), b.to_string()],
+        steps: jumps.steps,
+        jumps: jumps.jumps,
+        unannounced: jumps.unannounced,
+    };
+    gathered.arcs.jumps.iter().map(report).collect()
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use kurs::signal::{Signal, System};
 use kurs_formats::rinex::observation::ObservationHeader;
 
-use super::observations::Gathered;
+use super::gathered::Gathered;
 use super::sky::SkyReport;
 
 /// The position in the file and the one of the code observations differ by more: m.

@@ -12,7 +12,7 @@ use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
 use kurs::orientation::lengths::Length;
-use kurs::orientation::{FittedEpoch, Method, Orienter, PositionEpoch, Settings};
+use kurs::orientation::{FittedEpoch, Method, Orienter, OrienterSettings, PositionEpoch};
 use kurs::solution::EpochSolution;
 use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
@@ -265,7 +265,7 @@ fn orienter(
         MethodName::ThreePoint => Method::ThreePoint,
     };
     let point_of = |[x, y, z]: [f64; 3]| Vector::new(x, y, z);
-    let settings = Settings {
+    let settings = OrienterSettings {
         array,
         array_sd_m: config.orient.array_sd_m,
         sd_scale: 1.0,
@@ -291,7 +291,7 @@ fn orienter(
     if !args.quiet {
         eprintln!("{kind} standard deviations times {factor:.2}, as the known distances show");
     }
-    Ok(Orienter::new(Settings { sd_scale: factor, ..settings }).map_err(usage)?)
+    Ok(Orienter::new(OrienterSettings { sd_scale: factor, ..settings }).map_err(usage)?)
 }
 
 /// The largest factor on the standard deviations that the known lengths may ask for. Where nothing is

@@ -235,7 +235,7 @@ pub(crate) struct OutputTable {
 pub(crate) enum Profile {
     /// Sentences of NMEA 0183.
     Marine,
-    /// The same as gpsd reads them.
+    /// Sentences of NMEA 0183 as gpsd reads them.
     Gpsd,
     /// The columns of `attitude.csv` as JSON lines, with the times of the message.
     Jsonl,

@@ -26,7 +26,7 @@ pub(crate) struct FoundFiles {
     pub(crate) antennas: Vec<FoundAntenna>,
     /// Navigation data and orbits.
     nav: Vec<PathBuf>,
-    /// The same, after `--nav`.
+    /// Navigation data and orbits that `--nav` named.
     nav_option: Vec<PathBuf>,
     /// Antenna calibrations.
     pub(crate) antex: Vec<PathBuf>,

@@ -145,11 +145,11 @@ impl Args {
 pub(crate) enum Format {
     /// attitude.csv, baselines.csv, points.csv
     Csv,
-    /// The same rows as JSON lines.
+    /// The rows of attitude.csv as JSON lines.
     Jsonl,
     /// attitude.nmea: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
     Nmea,
-    /// The same for gpsd: GGA, RMC, VTG, ZDA, PTNTHTM.
+    /// attitude.nmea as gpsd reads it: GGA, RMC, VTG, ZDA, PTNTHTM.
     #[value(name = "nmea:gpsd")]
     NmeaGpsd,
     /// All of them and PASHR, which has the standard deviations (not for gpsd).
@@ -202,6 +202,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if !args.quiet {
         phase_centers.tell();
     }
+    streams.keep_systems(|system| settings.wants_system(system));
     let mut review = Review::new(args, loaded, &navigation)?;
     let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
     let capable = streams.antennas_with_epochs() >= 2;

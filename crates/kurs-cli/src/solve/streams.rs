@@ -8,6 +8,7 @@ use anyhow::Context;
 use kurs::ephemeris::{AsReceived, NavigationData};
 use kurs::observation::matcher::Matcher;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
+use kurs::signal::System;
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
@@ -69,6 +70,13 @@ impl Streams {
         let station = station.map(open).transpose()?;
         let (matcher, received) = (Matcher::new(streams.len()), AsReceived::new(streams.len()));
         Ok(Self { streams, matcher, received, station, bytes })
+    }
+
+    /// Leaves out the systems that are not wanted from the next epoch on, where their observations need not be read.
+    pub(crate) fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
+        for stream in self.streams.iter_mut().chain(&mut self.station) {
+            stream.reader.keep_systems(&wanted);
+        }
     }
 
     /// How much of all files is read, 0 to 1; `None` where their size is unknown.

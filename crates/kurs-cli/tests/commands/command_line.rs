@@ -38,7 +38,7 @@ name = "bow"
 position_m = [2.0, 0.0, 0.0]
 "#;
 
-/// The same for every test; nothing is written into it.
+/// One session for every test; nothing is written into it.
 fn session() -> &'static Path {
     static SESSION: OnceLock<TempDir> = OnceLock::new();
     let folder = SESSION.get_or_init(|| {
@@ -55,7 +55,7 @@ fn ran(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(KURS).current_dir(folder).args(arguments).output().unwrap()
 }
 
-/// The same where it must be done; standard output.
+/// Runs the program where it must succeed; standard output.
 fn run(folder: &Path, arguments: &[&str]) -> String {
     let output = ran(folder, arguments);
     let error = String::from_utf8_lossy(&output.stderr);
@@ -63,7 +63,7 @@ fn run(folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The same where it must fail with this status; standard error.
+/// Runs the program where it must fail with this status; standard error.
 fn refused(folder: &Path, status: i32, arguments: &[&str]) -> String {
     let output = ran(folder, arguments);
     assert_eq!(output.status.code(), Some(status), "{arguments:?}");

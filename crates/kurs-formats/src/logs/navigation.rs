@@ -7,8 +7,8 @@ use kurs::time::{GpsTime, WEEK_S};
 
 use super::dating::{Dating, MIDDLE_WEEK_NS};
 use super::frames::{Frame, FrameScanner, Protocol};
-use crate::navigation::ReadSummary;
 use crate::navigation_frames::{Collector, Taken};
+use crate::read_summary::ReadSummary;
 use crate::rtcm::clock::{self, Day};
 use crate::rtcm::{self, ObservationHeader};
 use crate::sbf::{self, block::Block};

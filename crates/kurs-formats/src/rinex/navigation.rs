@@ -12,7 +12,7 @@ use kurs::ephemeris::NavigationData;
 use kurs::signal::System;
 
 use self::record::{Kind, Record};
-use crate::navigation::ReadSummary;
+use crate::read_summary::ReadSummary;
 use crate::rinex::fields::{columns, decimal, label, text};
 use crate::source::{ReadError, Source};
 

@@ -3,11 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use kurs::frames::{Attitude, Geodetic, Rotation, Vector};
-use kurs::fusion::attitude_filter::{
+use kurs::fusion::attitude::filter::{
     AttitudeFilter, InertialSample, InertialSettings, MeasuredAttitude, MeasuredVelocity,
 };
+use kurs::fusion::attitude::smoother::Recorder;
 use kurs::fusion::kalman::Gate;
-use kurs::fusion::smoother::Recorder;
 use kurs_sim::inertial::{GyroErrors, Swing};
 use kurs_sim::noise::Noise;
 use nalgebra::{Matrix3, Rotation3, Vector3};

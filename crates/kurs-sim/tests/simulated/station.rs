@@ -29,7 +29,7 @@ fn coordinates_of_a_car_near_a_station() {
     let station_m = place.geodetic().to_ecef();
     let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
     let mut engine = Differential::new(engine, Some(station_m)).unwrap();
-    let by_coordinates = Orienter::new(orientation::Settings {
+    let by_coordinates = Orienter::new(orientation::OrienterSettings {
         array: array.clone(),
         array_sd_m: 0.002,
         sd_scale: 1.0,

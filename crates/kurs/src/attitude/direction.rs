@@ -23,7 +23,7 @@ const SINGULAR_RATIO: f64 = 1e-12;
 
 /// The direction of a line of antennas in the outside frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Direction {
+pub struct LineDirection {
     /// `u = Q e`, a unit vector.
     pub unit: Vector3<f64>,
     /// `F(u)`.
@@ -34,7 +34,7 @@ pub struct Direction {
     pub cost_gap: Option<f64>,
 }
 
-impl Direction {
+impl LineDirection {
     /// Standard deviation to the side where it is least certain, rad.
     #[must_use]
     pub fn max_sd_rad(&self) -> f64 {
@@ -49,7 +49,7 @@ impl AttitudeProblem {
     ///
     /// Input errors as for [`AttitudeProblem::minimum`], an axis that is not a unit vector, and
     /// [`AttitudeError::Unobservable`] if the satellites do not determine the direction.
-    pub fn direction(&self, axis: &Vector3<f64>) -> Result<Direction, AttitudeError> {
+    pub fn direction(&self, axis: &Vector3<f64>) -> Result<LineDirection, AttitudeError> {
         let norm = axis.norm();
         if norm.is_nan() || (norm - 1.0).abs() > 1e-6 {
             return Err(AttitudeError::NotPositive {
@@ -89,7 +89,7 @@ impl AttitudeProblem {
 pub fn minimum_on_sphere(
     information: &Matrix3<f64>,
     linear: &Vector3<f64>,
-) -> Result<Direction, AttitudeError> {
+) -> Result<LineDirection, AttitudeError> {
     if information.iter().chain(linear.iter()).any(|c| !c.is_finite()) {
         return Err(AttitudeError::NotFinite { what: "problem" });
     }
@@ -100,7 +100,7 @@ pub fn minimum_on_sphere(
     let unit = secular.unit_vector(secular.right_root());
     let cost = |u: &Vector3<f64>| 0.5 * u.dot(&(information * u)) - linear.dot(u);
     let second = secular.mirrored().or_else(|| secular.left_root().map(|m| secular.unit_vector(m)));
-    Ok(Direction {
+    Ok(LineDirection {
         unit,
         cost: cost(&unit),
         covariance_rad2: tangential_inverse(information, &unit)?,

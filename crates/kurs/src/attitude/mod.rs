@@ -24,7 +24,7 @@ pub mod vertical;
 pub mod wahba;
 pub mod weighted;
 
-pub use direction::Direction;
+pub use direction::LineDirection;
 pub use joint::{ArrayAttitude, ArrayDirection};
 pub use line::MeasuredLine;
 pub use uniqueness::{GlobalMinimum, Uniqueness};

@@ -539,7 +539,7 @@ mod tests {
         proptest::array::uniform3(-2.0..2.0f64).prop_map(|c| exponential(&Vector3::from(c)))
     }
 
-    /// The same problem in its short and in its general form.
+    /// One problem in its short and in its general form.
     fn both_forms(n: Matrix3<f64>, r: Matrix3<f64>, x: Matrix3<f64>) -> [AttitudeProblem; 2] {
         let (normal, spread) = (n * n.transpose(), r * r.transpose());
         let information = Box::new(spread.kronecker(&normal));

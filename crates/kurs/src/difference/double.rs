@@ -10,99 +10,135 @@ use nalgebra::{DMatrix, DVector};
 use smallvec::{SmallVec, smallvec};
 
 use super::link::Link;
+use crate::signal::Satellite;
 
 /// Signed sum of links: index into the group's links, and +1 or −1; four links in the classical
 /// case, so it rarely leaves the stack.
 pub type Combination = SmallVec<[(usize, f64); 6]>;
 
-/// A node of the graph, with the signed sum of links that determines its term.
-struct Node {
-    known: Option<Combination>,
+/// The graph of one group's usable links: the antenna and the satellite at the ends of each, satellites by number.
+struct Graph {
+    /// Index of the link, antenna, satellite.
+    edges: Vec<(usize, usize, usize)>,
+    antennas: usize,
+    satellites: usize,
+}
+
+impl Graph {
+    fn of(links: &[Link], usable: impl Fn(&Link) -> bool) -> Self {
+        let mut named: SmallVec<[Satellite; 32]> = SmallVec::new();
+        let mut edges = Vec::with_capacity(links.len());
+        let mut antennas = 0;
+        for (edge, link) in links.iter().enumerate().filter(|(_, link)| usable(link)) {
+            // The links of a satellite stand together.
+            let is_same = |satellite: &Satellite| *satellite == link.satellite;
+            let satellite = named.iter().rposition(is_same).unwrap_or_else(|| {
+                named.push(link.satellite);
+                named.len() - 1
+            });
+            antennas = antennas.max(link.antenna + 1);
+            edges.push((edge, link.antenna, satellite));
+        }
+        Self { edges, antennas, satellites: named.len() }
+    }
+
+    /// The satellites by how well they are seen: those of most antennas first, of these the highest.
+    fn references(&self, links: &[Link]) -> Vec<usize> {
+        let mut seen = vec![(0_usize, 0.0_f64); self.satellites];
+        for &(edge, _, satellite) in &self.edges {
+            let (count, elevation_rad) = &mut seen[satellite];
+            *count += 1;
+            *elevation_rad = elevation_rad.max(links[edge].elevation_rad);
+        }
+        let mut satellites: Vec<usize> = (0..self.satellites).collect();
+        satellites.sort_by(|a, b| {
+            let ((count_a, elevation_a), (count_b, elevation_b)) = (seen[*a], seen[*b]);
+            count_b.cmp(&count_a).then(elevation_b.total_cmp(&elevation_a))
+        });
+        satellites
+    }
 }
 
 /// All independent double differences of the links `usable` in one group.
 ///
-/// The reference satellite is the highest of those that most antennas see. Number of rows: links −
-/// antennas − satellites + connected parts.
+/// The reference satellite is the highest of those that most antennas see. Number of rows: [`loops`].
 #[must_use]
 pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combination> {
-    let edges: Vec<usize> = (0..links.len()).filter(|i| usable(&links[*i])).collect();
-    let antenna_count = links.iter().map(|l| l.antenna + 1).max().unwrap_or(0);
-    let mut antennas: Vec<Node> = (0..antenna_count).map(|_| Node { known: None }).collect();
-    let mut satellites: Vec<_> = edges.iter().map(|e| links[*e].satellite).collect();
-    satellites.sort_unstable();
-    satellites.dedup();
-    let mut terms: Vec<Node> = satellites.iter().map(|_| Node { known: None }).collect();
-    let index = |edge: usize| {
-        satellites.binary_search(&links[edge].satellite).expect("satellites holds every edge's")
-    };
-
-    let mut in_tree = vec![false; links.len()];
-    while let Some(reference) = next_reference(links, &edges, &terms, index) {
-        // One term of each connected part is free: the reference satellite's is zero.
-        terms[reference].known = Some(Combination::new());
-        grow(links, &edges, &mut antennas, &mut terms, &mut in_tree, index);
+    let graph = Graph::of(links, usable);
+    // The signed sum of links that determines the term of each antenna and satellite.
+    let mut antennas: Vec<Option<Combination>> = vec![None; graph.antennas];
+    let mut satellites: Vec<Option<Combination>> = vec![None; graph.satellites];
+    let mut in_tree = vec![false; graph.edges.len()];
+    for reference in graph.references(links) {
+        if satellites[reference].is_none() {
+            // One term of each connected part is free: the reference satellite's is zero.
+            satellites[reference] = Some(Combination::new());
+            grow(&graph, &mut antennas, &mut satellites, &mut in_tree);
+        }
     }
 
-    let outside = edges.iter().filter(|e| !in_tree[**e]);
+    let outside = graph.edges.iter().zip(&in_tree).filter(|(_, in_tree)| !**in_tree);
     outside
-        .map(|&edge| {
+        .map(|(&(edge, antenna, satellite), _)| {
             let mut sum: Combination = smallvec![(edge, 1.0)];
             // link − c − d
-            for node in [&antennas[links[edge].antenna], &terms[index(edge)]] {
-                sum.extend(node.known.iter().flat_map(negated));
+            for term in [&antennas[antenna], &satellites[satellite]] {
+                sum.extend(term.iter().flat_map(negated));
             }
             collected(sum)
         })
         .collect()
 }
 
-/// The next satellite to start a connected part from.
-fn next_reference(
-    links: &[Link],
-    edges: &[usize],
-    terms: &[Node],
-    index: impl Fn(usize) -> usize,
-) -> Option<usize> {
-    let mut seen = vec![(0_usize, 0.0_f64); terms.len()];
-    for &edge in edges {
-        let entry = &mut seen[index(edge)];
-        entry.0 += 1;
-        entry.1 = entry.1.max(links[edge].elevation_rad);
-    }
-    (0..terms.len()).filter(|s| terms[*s].known.is_none()).max_by(|a, b| {
-        let ((count_a, elevation_a), (count_b, elevation_b)) = (seen[*a], seen[*b]);
-        count_a.cmp(&count_b).then(elevation_a.total_cmp(&elevation_b)).then(b.cmp(a))
-    })
-}
-
 /// Grows the tree until no link leads from a known node to an unknown one.
 fn grow(
-    links: &[Link],
-    edges: &[usize],
-    antennas: &mut [Node],
-    terms: &mut [Node],
+    graph: &Graph,
+    antennas: &mut [Option<Combination>],
+    satellites: &mut [Option<Combination>],
     in_tree: &mut [bool],
-    index: impl Fn(usize) -> usize,
 ) {
     loop {
         let mut grown = false;
-        for &edge in edges {
-            let (antenna, satellite) = (links[edge].antenna, index(edge));
-            match (&antennas[antenna].known, &terms[satellite].known) {
+        for (&(edge, antenna, satellite), in_tree) in graph.edges.iter().zip(&mut *in_tree) {
+            match (&antennas[antenna], &satellites[satellite]) {
                 // c = link − d
-                (None, Some(d)) => antennas[antenna].known = Some(link_minus(edge, d)),
+                (None, Some(d)) => antennas[antenna] = Some(link_minus(edge, d)),
                 // d = link − c
-                (Some(c), None) => terms[satellite].known = Some(link_minus(edge, c)),
+                (Some(c), None) => satellites[satellite] = Some(link_minus(edge, c)),
                 _ => continue,
             }
-            in_tree[edge] = true;
-            grown = true;
+            (*in_tree, grown) = (true, true);
         }
         if !grown {
             return;
         }
     }
+}
+
+/// How many independent double differences links have that are sorted by satellite: links − antennas − satellites +
+/// connected parts.
+#[must_use]
+pub fn loops(links: &[(usize, Satellite)]) -> usize {
+    // The antenna that stands for the part of each antenna that was seen.
+    let mut part_of: SmallVec<[Option<usize>; 16]> = SmallVec::new();
+    let mut satellites = 0;
+    for of_satellite in links.chunk_by(|a, b| a.1 == b.1) {
+        satellites += 1;
+        let first = of_satellite[0].0;
+        for &(antenna, _) in of_satellite {
+            part_of.resize(part_of.len().max(antenna + 1).max(first + 1), None);
+            let own = *part_of[antenna].get_or_insert(antenna);
+            let joined = *part_of[first].get_or_insert(first);
+            part_of
+                .iter_mut()
+                .filter(|part| **part == Some(own))
+                .for_each(|part| *part = Some(joined));
+        }
+    }
+    let antennas = part_of.iter().flatten().count();
+    let parts =
+        part_of.iter().enumerate().filter(|(antenna, part)| **part == Some(*antenna)).count();
+    links.len() + parts - antennas - satellites
 }
 
 fn link_minus(edge: usize, other: &Combination) -> Combination {
@@ -335,6 +371,8 @@ mod tests {
             }
             let rank = if links.is_empty() { 0 } else { clocks.rank(1e-9) };
             prop_assert_eq!(rows.len(), links.len() - rank);
+            let ends: Vec<_> = links.iter().map(|l| (l.antenna, l.satellite)).collect();
+            prop_assert_eq!(loops(&ends), rows.len());
         }
     }
 }

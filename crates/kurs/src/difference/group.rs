@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn unlike_receivers_get_a_group_of_their_pair_of_codes() {
+    fn mixed_receivers_get_a_group_of_their_pair_of_codes() {
         let mut links = vec![
             link(0, 1, 2, b'L'),
             link(1, 1, 2, b'W'),

@@ -9,7 +9,7 @@ use crate::frames::{Body, Ecef, Rotation, Vector};
 use crate::observation::AntennaEpoch;
 use crate::point::Tracked;
 use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, Signal};
-use crate::sky::{Direction, Horizon, NoiseModel, Variances, View};
+use crate::sky::{Horizon, NoiseModel, SkyDirection, Variances, View};
 
 /// One signal between one antenna and one satellite, linearised at the antenna's approximate
 /// position: `value = gradientᵀ dx + receiver term + satellite term (+ λ N for the phase)`.
@@ -106,7 +106,7 @@ pub fn links(
             continue;
         };
         let view = View::new(&tracked.state, antenna.position_m);
-        let Direction { azimuth_rad, elevation_rad } = horizon.direction(view.line_of_sight);
+        let SkyDirection { azimuth_rad, elevation_rad } = horizon.direction(view.line_of_sight);
         if elevation_rad < lowest_rad {
             continue;
         }

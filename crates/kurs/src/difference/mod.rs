@@ -9,6 +9,8 @@ mod double;
 mod group;
 mod link;
 
-pub use double::{Combination, add_common_cycles, combinations, covariance, equations, own_links};
+pub use double::{
+    Combination, add_common_cycles, combinations, covariance, equations, loops, own_links,
+};
 pub use group::group;
 pub use link::{Antenna, Link, links};

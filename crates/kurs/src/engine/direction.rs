@@ -120,7 +120,7 @@ mod tests {
         for count in (0..10).rev() {
             let image = mirror.image(&epoch(count, is_flagged)).clone();
             let antenna = image.antennas[0].as_ref().unwrap();
-            continuity.update(0, antenna, |_, _: Band| Some(WAVELENGTH_M));
+            continuity.update(0, antenna, |_| true, |_, _: Band| Some(WAVELENGTH_M));
             let signal = Signal::new(System::Gps, 1, b'C');
             let arc = continuity.arc(0, Satellite::new(System::Gps, 1), signal).unwrap();
             if arcs.len() == arc.number as usize {

@@ -166,7 +166,8 @@ impl Estimator {
         };
         for (antenna, epoch) in seen.antennas.iter().enumerate() {
             let Some(epoch) = epoch else { continue };
-            self.continuity.update(antenna, epoch, |satellite, band| {
+            let wanted = |system| self.settings.wants_system(system);
+            self.continuity.update(antenna, epoch, wanted, |satellite, band| {
                 band.wavelength_m(navigation.ephemerides.glonass_channel(satellite))
             });
         }
@@ -204,12 +205,12 @@ impl Estimator {
         let (settings, glonass_ifb) = (&self.settings, &self.glonass_ifb);
         // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
         // those of the others: their messages are modulated in another way.
-        let is_unlike = |link: &Link| {
+        let is_mixed = |link: &Link| {
             let is_geostationary = link.satellite.is_beidou_geo();
             link.phase_m.is_some() && (is_geostationary || glonass_ifb.is_unknown(link))
         };
         let doubted =
-            Doubted { epoch: &epoch, fix: &fix, settings, known, doubt, is_unlike: &is_unlike };
+            Doubted { epoch: &epoch, fix: &fix, settings, known, doubt, is_mixed: &is_mixed };
         let subset = self.subsets.find(&mut self.searches, &doubted);
         let left_out = subset.as_ref().map(|subset| subset.left_out);
         if let Some(subset) = subset {

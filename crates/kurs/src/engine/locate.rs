@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use crate::difference::Link;
-use crate::ephemeris::NavigationData;
+use crate::ephemeris::{NavigationData, Transmissions};
 use crate::frames::{Ecef, Vector};
 use crate::observation::ArrayEpoch;
 use crate::point::{self, NoPosition, PointSettings, PointSolution, Tracked, Velocity};
@@ -57,7 +57,8 @@ impl CommonFrame {
     }
 }
 
-/// Tracks and positions every antenna that has an epoch; reuses the buffers of `located`.
+/// Tracks and positions every antenna that has an epoch; `located` holds those of the last epoch, where the positions are
+/// looked for, and buffers.
 pub(super) fn locate(
     epoch: &ArrayEpoch,
     navigation: &NavigationData,
@@ -66,17 +67,21 @@ pub(super) fn locate(
 ) {
     let point_settings =
         PointSettings { elevation_mask_rad: settings.elevation_mask_rad, noise: settings.noise };
+    let mut near_m =
+        located.iter().find_map(|one| one.point.as_ref().ok()).map(|point| point.position_m);
     let mut buffers: Vec<Vec<Tracked>> = located.drain(..).map(|l| l.tracked).collect();
+    let mut sent = Transmissions::of(&navigation.ephemerides);
     for (antenna, observed) in epoch.antennas.iter().take(settings.antennas).enumerate() {
         let Some(observed) = observed else { continue };
         let mut tracked = buffers.pop().unwrap_or_default();
-        let without_ephemeris = point::track(
-            observed,
-            navigation,
-            |system| settings.wants_system(system),
-            &mut tracked,
-        );
-        let mut point = point::solve(&tracked, navigation, observed.time, &point_settings);
+        let wanted = |system| settings.wants_system(system);
+        let without_ephemeris = point::track_sent(observed, &mut sent, wanted, &mut tracked);
+        let (time, by) = (observed.time, &point_settings);
+        let mut point = match near_m {
+            Some(near_m) => point::solve_near(&tracked, navigation, time, by, near_m),
+            None => point::solve(&tracked, navigation, time, by),
+        };
+        near_m = point.as_ref().ok().map(|point| point.position_m).or(near_m);
         if let (0, Some(known_m), Ok(point)) = (antenna, settings.first_antenna_m, &mut point) {
             point.position_m = known_m;
             point.horizon = Horizon::at(known_m);

@@ -22,7 +22,7 @@ use super::settings::{Constraint, Settings};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
-/// The same for the search of a whole array, where a rival must break the geometry too.
+/// Candidates that the search of a whole array weighs, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
 /// Branches that the search of an array opens before it gives up, many times what a good epoch needs.
 const ARRAY_NODES: usize = 4_000;
@@ -334,7 +334,7 @@ fn mixed_float(float: &FloatSolution, approximate_m: &DVector<f64>) -> Result<Mi
     })
 }
 
-/// The same with its ambiguities in another order.
+/// The float solution with its ambiguities in another order.
 fn reordered(mixed: MixedFloat, order: &[usize]) -> MixedFloat {
     if order.is_sorted() {
         return mixed;

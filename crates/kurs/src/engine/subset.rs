@@ -58,8 +58,8 @@ pub(super) struct Doubted<'a> {
     pub(super) known: Known,
     /// As [`Problem::doubt`].
     pub(super) doubt: f64,
-    /// Names the links of [`LeftOut::UnlikePhases`].
-    pub(super) is_unlike: &'a dyn Fn(&Link) -> bool,
+    /// Names the links of [`LeftOut::MixedReceiverPhases`].
+    pub(super) is_mixed: &'a dyn Fn(&Link) -> bool,
 }
 
 impl Doubted<'_> {
@@ -104,8 +104,8 @@ impl Doubted<'_> {
         if geometry_is_known && may_leave_code_out && code_free::code_is_useless(*code_fit) {
             suspects.push(LeftOut::Code);
         }
-        if links.iter().any(|link| (self.is_unlike)(link)) {
-            suspects.push(LeftOut::UnlikePhases);
+        if links.iter().any(|link| (self.is_mixed)(link)) {
+            suspects.push(LeftOut::MixedReceiverPhases);
         }
         if !self.may_be_spoilt() {
             return suspects;
@@ -154,7 +154,7 @@ impl Doubted<'_> {
         let less = |link: &Link| {
             let without_phase = Some(Link { phase_m: None, ..*link });
             match suspect {
-                LeftOut::UnlikePhases if (self.is_unlike)(link) => without_phase,
+                LeftOut::MixedReceiverPhases if (self.is_mixed)(link) => without_phase,
                 LeftOut::Link { antenna, satellite }
                     if (link.antenna, link.satellite) == (antenna, satellite) =>
                 {
@@ -180,7 +180,7 @@ impl Subsets {
         self.misfit_without_unlike = None;
         for suspect in suspects {
             let subset = fix_without(searches, doubted, suspect, rate);
-            if suspect == LeftOut::UnlikePhases {
+            if suspect == LeftOut::MixedReceiverPhases {
                 let found = subset.as_ref().and_then(|subset| subset.fix.found.as_ref().ok());
                 self.misfit_without_unlike = found.map(|found| found.misfit);
             }

@@ -454,7 +454,7 @@ mod tests {
         assert!(state.velocity_mps.norm() < 200.0, "{}", state.velocity_mps.norm());
     }
 
-    /// The same orbit described from a reference time in the next week.
+    /// One orbit described from a reference time in the next week.
     #[test]
     fn the_week_boundary_is_crossed() {
         let saturday = GpsTime::from_week_tow(2111, 604_784.0).unwrap();

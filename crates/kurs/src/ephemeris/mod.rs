@@ -15,6 +15,7 @@ mod precise;
 #[cfg(test)]
 mod sample;
 mod store;
+mod transmissions;
 mod utc;
 
 pub use as_received::AsReceived;
@@ -26,8 +27,14 @@ pub use navigation_data::{
 };
 pub use precise::{PreciseNode, PreciseOrbits};
 pub use store::{Ephemeris, EphemerisStore, GalileoPreference, NoEphemeris, Transmission};
+pub use transmissions::Transmissions;
 
-use crate::frames::{Ecef, Vector};
+use nalgebra::Vector3;
+
+use crate::frames::{EARTH_RATE_RADPS, Ecef, Vector};
+
+/// Gravitational constant of the Earth, m³/s² (WGS 84).
+const EARTH_GM_M3PS2: f64 = 3.986_004_418e14;
 
 /// A satellite at one instant, in the Earth-fixed axes **of that instant**: the rotation of the
 /// Earth while the signal travels is the user's to apply.
@@ -44,4 +51,29 @@ pub struct SatelliteState {
     pub clock_drift: f64,
     /// Predicted 1-sigma of the range error, as broadcast.
     pub sigma_m: f64,
+}
+
+impl SatelliteState {
+    /// Longest time over which [`moved`](Self::moved) is exact to a micrometre, s: the flattened Earth, the Moon and
+    /// the Sun, whose pull is left out, accelerate a satellite by at most 1e-4 m/s² (half of that times 0.1² s² is 0.5 µm).
+    pub const MAX_MOVE_S: f64 = 0.1;
+
+    /// Where the satellite is, and what its clock shows, so many seconds later (earlier if negative), in the axes of
+    /// that instant:
+    ///
+    /// `r(t + δ) = r + v δ + a δ²/2`,   `a = −GM r/|r|³ + Ω² (x, y, 0) + 2Ω (v_y, −v_x, 0)`
+    #[must_use]
+    pub fn moved(&self, later_s: f64) -> Self {
+        let (r, v) = (self.position_m.xyz(), self.velocity_mps.xyz());
+        let gravity = -EARTH_GM_M3PS2 / r.norm().powi(3) * r;
+        let centrifugal = EARTH_RATE_RADPS * EARTH_RATE_RADPS * Vector3::new(r.x, r.y, 0.0);
+        let coriolis = 2.0 * EARTH_RATE_RADPS * Vector3::new(v.y, -v.x, 0.0);
+        let acceleration = gravity + centrifugal + coriolis;
+        Self {
+            position_m: Vector::from_xyz(r + (v + acceleration * (0.5 * later_s)) * later_s),
+            velocity_mps: Vector::from_xyz(v + acceleration * later_s),
+            clock_s: self.clock_s + self.clock_drift * later_s,
+            ..*self
+        }
+    }
 }

@@ -65,6 +65,11 @@ pub struct Transmission<'a> {
 }
 
 impl Transmission<'_> {
+    /// Of a signal that was sent a moment later ([`SatelliteState::moved`]).
+    pub(super) fn moved(self, later_s: f64) -> Self {
+        Self { state: self.state.moved(later_s), ..self }
+    }
+
     /// Whether the broadcast record, if there is one, admits `signal`.
     #[must_use]
     pub fn is_healthy(&self, signal: Signal) -> bool {
@@ -312,9 +317,13 @@ impl EphemerisStore {
         };
         let too_old = NoEphemeris::TooOld(satellite, by_satellite_clock);
         let refusal = broadcast.err().unwrap_or(too_old);
-        let (near, _) = state(by_satellite_clock).ok_or(refusal)?;
-        let at_transmission = state(by_satellite_clock + -near.clock_s).ok_or(refusal)?;
-        let (state, is_precise) = at_transmission;
+        let (near, is_precise) = state(by_satellite_clock).ok_or(refusal)?;
+        let (state, is_precise) = match -near.clock_s {
+            later_s if later_s.abs() <= SatelliteState::MAX_MOVE_S => {
+                (near.moved(later_s), is_precise)
+            }
+            later_s => state(by_satellite_clock + later_s).ok_or(refusal)?,
+        };
         Ok(Transmission { state, is_precise, broadcast: broadcast.ok() })
     }
 
@@ -420,7 +429,7 @@ mod tests {
         Ephemeris::Kepler(KeplerEphemeris::new(elements).unwrap())
     }
 
-    /// The same satellite `later_s` seconds later.
+    /// The satellite `later_s` seconds later.
     fn shifted(elements: KeplerElements, later_s: f64) -> KeplerElements {
         KeplerElements {
             reference_time: elements.reference_time + later_s,

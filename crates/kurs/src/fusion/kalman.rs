@@ -27,12 +27,12 @@ pub struct Batch {
     gradients: Vec<f64>,
     innovations: Vec<f64>,
     variances: Vec<f64>,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<UpdateOutcome>,
 }
 
 /// What became of one scalar measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Outcome {
+pub struct UpdateOutcome {
     /// Passed the gate and was used.
     pub accepted: bool,
     /// ν² / (h P hᵀ + N), with ν and P after the measurements before it; 0 if rejected.
@@ -102,7 +102,7 @@ impl Batch {
 
     /// What became of each, after [`Estimate::update`].
     #[must_use]
-    pub fn outcomes(&self) -> &[Outcome] {
+    pub fn outcomes(&self) -> &[UpdateOutcome] {
         &self.outcomes
     }
 }
@@ -151,7 +151,7 @@ impl Estimate {
         self.project(batch);
         for k in 0..batch.len() {
             let accepted = self.passes(gate, batch, k);
-            batch.outcomes.push(Outcome { accepted, normalised_square: 0.0 });
+            batch.outcomes.push(UpdateOutcome { accepted, normalised_square: 0.0 });
         }
         self.downdates.clear();
         for k in 0..batch.len() {

@@ -10,7 +10,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::attitude::coordinates::{CoordinateNormal, MeasuredPoint};
-use crate::attitude::{AttitudeError, Direction, Minimum};
+use crate::attitude::{AttitudeError, LineDirection, Minimum};
 use crate::chi_square::chi_square_tail;
 
 /// Share of good epochs that are called inconsistent.
@@ -24,7 +24,7 @@ const LINE_RATIO: f64 = 1e-3;
 
 /// The body laid onto the measured points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub struct ArrayFit {
     /// What the points determine.
     pub kind: FitKind,
     /// Index of the point that was left out.
@@ -52,7 +52,7 @@ pub enum FitKind {
         /// The line in body axes, a unit vector.
         axis: Vector3<f64>,
         /// The line in the outside frame.
-        direction: Direction,
+        direction: LineDirection,
     },
 }
 
@@ -74,7 +74,7 @@ pub enum NoFit {
 /// # Errors
 ///
 /// [`NoFit`].
-pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
     let all = fit(points)?;
     if all.is_consistent() {
         return Ok(all);
@@ -82,7 +82,7 @@ pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
     if points.len() < 4 {
         return Err(NoFit::Inconsistent);
     }
-    let mut best: Option<Fit> = None;
+    let mut best: Option<ArrayFit> = None;
     let mut next = f64::INFINITY;
     let mut rest = Vec::with_capacity(points.len() - 1);
     for excluded in 0..points.len() {
@@ -92,7 +92,7 @@ pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
         let lowest = best.as_ref().map_or(f64::INFINITY, |best| best.chi_squared);
         if candidate.chi_squared < lowest {
             next = lowest;
-            best = Some(Fit { excluded: Some(excluded), ..candidate });
+            best = Some(ArrayFit { excluded: Some(excluded), ..candidate });
         } else {
             next = next.min(candidate.chi_squared);
         }
@@ -120,14 +120,14 @@ pub fn variance_factor(epochs: impl Iterator<Item = Vec<MeasuredPoint>>) -> Opti
 /// # Errors
 ///
 /// [`NoFit`], but never [`NoFit::Inconsistent`].
-pub fn fit(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+pub fn fit(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
     match points {
         [] | [_] => Err(NoFit::TooFew),
         _ => line_axis(points).map_or_else(|| fit_body(points), |axis| fit_line(points, axis)),
     }
 }
 
-fn fit_body(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
+fn fit_body(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
     let normal = CoordinateNormal::new(points).map_err(no_fit)?;
     let global = normal.problem.global_minimum(MIN_GAP).map_err(no_fit)?;
     if global.uniqueness.is_ambiguous(MIN_GAP) {
@@ -136,11 +136,11 @@ fn fit_body(points: &[MeasuredPoint]) -> Result<Fit, NoFit> {
     let rotation = global.minimum.rotation;
     let origin = normal.origin_m(&rotation);
     let kind = FitKind::Body { minimum: global.minimum, normal: Box::new(normal) };
-    Ok(Fit::new(kind, points, 6, |p| origin + rotation * p))
+    Ok(ArrayFit::new(kind, points, 6, |p| origin + rotation * p))
 }
 
 /// Antennas on one line: positions along it are all that counts.
-fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<Fit, NoFit> {
+fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<ArrayFit, NoFit> {
     let first = points[0].body_m;
     let along = |body: &Vector3<f64>| axis.dot(&(body - first));
     let on_line: Vec<MeasuredPoint> = points
@@ -155,7 +155,7 @@ fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<Fit, NoFit> 
     // Only Q e = u matters to points on the line.
     let origin = normal.origin_m(&(direction.unit * axis.transpose()));
     let kind = FitKind::Line { axis, direction };
-    Ok(Fit::new(kind, points, 5, |body| origin + direction.unit * along(body)))
+    Ok(ArrayFit::new(kind, points, 5, |body| origin + direction.unit * along(body)))
 }
 
 fn no_fit(error: AttitudeError) -> NoFit {
@@ -175,7 +175,7 @@ fn line_axis(points: &[MeasuredPoint]) -> Option<Vector3<f64>> {
     offsets.clone().all(|offset| axis.cross(&offset).norm() < LINE_RATIO * length).then_some(axis)
 }
 
-impl Fit {
+impl ArrayFit {
     fn new(
         kind: FitKind,
         points: &[MeasuredPoint],

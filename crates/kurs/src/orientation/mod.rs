@@ -24,7 +24,7 @@ use crate::solution::{
     PositionOrigin, Reason, Status,
 };
 use crate::time::GpsTime;
-use consistency::{Fit, FitKind, NoFit};
+use consistency::{ArrayFit, FitKind, NoFit};
 use lengths::Length;
 
 /// Epochs from which the factor on the standard deviations is found.
@@ -64,7 +64,7 @@ pub enum Method {
 
 /// What is known beforehand.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct OrienterSettings {
     /// The antennas in body axes.
     pub array: AntennaArray,
     /// How well they are known, m.
@@ -86,7 +86,7 @@ pub struct Settings {
 /// Turns coordinates into attitude.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Orienter {
-    settings: Settings,
+    settings: OrienterSettings,
 }
 
 /// One epoch with the array laid onto its antennas, as far as they keep the known distances.
@@ -94,7 +94,7 @@ pub struct Orienter {
 pub struct FittedEpoch {
     time: GpsTime,
     /// `None` without any antenna.
-    found: Option<(LocalEpoch, Result<Fit, NoFit>)>,
+    found: Option<(LocalEpoch, Result<ArrayFit, NoFit>)>,
 }
 
 /// The antennas of one epoch in local level axes at the first one that is there.
@@ -121,7 +121,7 @@ impl Orienter {
     ///
     /// [`AttitudeError::NotAcute`] or [`AttitudeError::TooFewVectors`] where the three-point method
     /// cannot take the first three antennas.
-    pub fn new(settings: Settings) -> Result<Self, AttitudeError> {
+    pub fn new(settings: OrienterSettings) -> Result<Self, AttitudeError> {
         if settings.method == Method::ThreePoint {
             three_point::corner(&first_three(settings.array.positions_m())?)?;
         }
@@ -163,7 +163,7 @@ impl Orienter {
         let found = self.local(epoch).map(|local| {
             let points: Vec<MeasuredPoint> = local.points.iter().map(|p| p.point).collect();
             let fit = consistency::consistent_fit(&points);
-            (local, fit.map(Fit::with_unbiased_information))
+            (local, fit.map(ArrayFit::with_unbiased_information))
         });
         FittedEpoch { time: epoch.time, found }
     }
@@ -224,7 +224,7 @@ impl Orienter {
         &self,
         row: &mut EpochSolution,
         local: &LocalEpoch,
-        fit: &Fit,
+        fit: &ArrayFit,
         memory: &VerticalMemory,
     ) {
         let used = |index: usize| fit.excluded != Some(index);

@@ -7,6 +7,6 @@ mod position;
 mod track;
 mod velocity;
 
-pub use position::{Exclusion, NoPosition, PointSettings, PointSolution, solve};
-pub use track::{Code, Tracked, track};
+pub use position::{Exclusion, NoPosition, PointSettings, PointSolution, solve, solve_near};
+pub use track::{Code, Tracked, track, track_sent};
 pub use velocity::{Velocity, velocity};

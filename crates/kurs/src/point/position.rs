@@ -122,7 +122,27 @@ pub fn solve(
     time: GpsTime,
     settings: &PointSettings,
 ) -> Result<PointSolution, NoPosition> {
-    let mut fit = Fit::new(tracked, &navigation.ionosphere, time, settings);
+    solved(PositionFit::new(tracked, &navigation.ionosphere, time, settings))
+}
+
+/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere, from the Earth's centre.
+///
+/// # Errors
+///
+/// As [`solve`].
+pub fn solve_near(
+    tracked: &[Tracked],
+    navigation: &NavigationData,
+    time: GpsTime,
+    settings: &PointSettings,
+    near_m: Vector<Ecef>,
+) -> Result<PointSolution, NoPosition> {
+    let mut fit = PositionFit::new(tracked, &navigation.ionosphere, time, settings);
+    (fit.position_m, fit.near) = (near_m.xyz(), true);
+    solved(fit).or_else(|_| solve(tracked, navigation, time, settings))
+}
+
+fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     fit.converge()?;
     // Where nothing explains the misfit, the honest larger residuals stay.
     let explained = if fit.is_consistent() { None } else { without_faults(&fit) };
@@ -132,7 +152,7 @@ pub fn solve(
 /// The best fit without one satellite, or else without two, if it is consistent. One fault can move
 /// the position so that the residual of another satellite is the largest, and two can hide each
 /// other: so every pair is judged by what the two together explain.
-fn without_faults<'a>(whole: &Fit<'a>) -> Option<Fit<'a>> {
+fn without_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     let indices = 0..whole.rows.len();
     let one = indices.clone().map(|i| [i, i]);
     let pairs = indices.flat_map(|i| (0..i).map(move |j| [i, j]));
@@ -140,17 +160,20 @@ fn without_faults<'a>(whole: &Fit<'a>) -> Option<Fit<'a>> {
 }
 
 /// The consistent fit with the smallest residuals, of those without the rows that explain most.
-fn best<'a>(whole: &Fit<'a>, faults: impl Iterator<Item = [usize; 2]>) -> Option<Fit<'a>> {
+fn best<'a>(
+    whole: &PositionFit<'a>,
+    faults: impl Iterator<Item = [usize; 2]>,
+) -> Option<PositionFit<'a>> {
     let mut ranked: Vec<_> = faults.map(|rows| (whole.explained(rows), rows)).collect();
     ranked.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let trials = ranked.iter().take(TRIALS).filter_map(|(_, rows)| whole.without(*rows));
-    let misfit = |fit: &Fit<'_>| fit.unit_weight_rms();
-    trials.filter(Fit::is_consistent).min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
+    let misfit = |fit: &PositionFit<'_>| fit.unit_weight_rms();
+    trials.filter(PositionFit::is_consistent).min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
 }
 
 /// The state of the iteration.
 #[derive(Clone)]
-struct Fit<'a> {
+struct PositionFit<'a> {
     tracked: &'a [Tracked],
     ionosphere: &'a IonosphereParameters,
     time: GpsTime,
@@ -176,7 +199,7 @@ struct Mean {
     misclosure_m: f64,
 }
 
-impl<'a> Fit<'a> {
+impl<'a> PositionFit<'a> {
     fn new(
         tracked: &'a [Tracked],
         ionosphere: &'a IonosphereParameters,
@@ -424,7 +447,7 @@ impl Surroundings {
     }
 
     /// Delays and variance; `None` below the mask.
-    fn model(&self, satellite: &Tracked, view: &View, fit: &Fit<'_>) -> Option<Modelled> {
+    fn model(&self, satellite: &Tracked, view: &View, fit: &PositionFit<'_>) -> Option<Modelled> {
         let direction = self.horizon.direction(view.line_of_sight);
         if direction.elevation_rad
             < self.horizon.lowest_elevation_rad(fit.settings.elevation_mask_rad)
@@ -462,7 +485,7 @@ impl Surroundings {
         satellite: &Tracked,
         elevation_rad: f64,
         modelled_m: f64,
-        fit: &Fit<'_>,
+        fit: &PositionFit<'_>,
     ) -> (f64, f64) {
         let weight = |code: &Code| {
             1.0 / fit.settings.noise.variances(code.band, elevation_rad, code.cn0_dbhz).code_m2

@@ -1,6 +1,8 @@
 //! The satellites of one antenna's epoch, each with its state at the instant of transmission.
 
-use crate::ephemeris::{NavigationData, SatelliteState, Transmission, precise_clock_signals};
+use crate::ephemeris::{
+    NavigationData, SatelliteState, Transmission, Transmissions, precise_clock_signals,
+};
 use crate::observation::{AntennaEpoch, Observation};
 use crate::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, System};
 
@@ -51,6 +53,16 @@ pub fn track(
     wanted: impl Fn(System) -> bool,
     tracked: &mut Vec<Tracked>,
 ) -> usize {
+    track_sent(epoch, &mut Transmissions::of(&navigation.ephemerides), wanted, tracked)
+}
+
+/// As [`track`], for one of several antennas of an epoch: each satellite that one of them hears is evaluated once.
+pub fn track_sent(
+    epoch: &AntennaEpoch,
+    sent: &mut Transmissions<'_>,
+    wanted: impl Fn(System) -> bool,
+    tracked: &mut Vec<Tracked>,
+) -> usize {
     tracked.clear();
     let mut without_ephemeris = 0;
     for observations in epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
@@ -61,7 +73,7 @@ pub fn track(
         if tracked.iter().any(|t| t.satellite == satellite) {
             continue;
         }
-        match tracked_satellite(epoch, navigation, satellite, observations) {
+        match tracked_satellite(epoch, sent, satellite, observations) {
             Some(found) => tracked.push(found),
             None => without_ephemeris += 1,
         }
@@ -75,19 +87,18 @@ fn plausible_range(observation: &Observation) -> Option<f64> {
 
 fn tracked_satellite(
     epoch: &AntennaEpoch,
-    navigation: &NavigationData,
+    sent: &mut Transmissions<'_>,
     satellite: Satellite,
     observations: &[Observation],
 ) -> Option<Tracked> {
-    let store = &navigation.ephemerides;
-    let channel = store.glonass_channel(satellite);
+    let channel = sent.store().glonass_channel(satellite);
 
     // The receiver's tag minus P / c is the satellite's own clock at transmission, whatever the
     // receiver's clock says; the satellite's clock error takes it to GPS time.
     let ranging = observations.iter().filter(|o| plausible_range(o).is_some());
     let first = ranging.clone().min_by_key(|o| o.signal.band.digit)?;
     let by_satellite_clock = epoch.time + -plausible_range(first)? / SPEED_OF_LIGHT_MPS;
-    let sent = store.at_transmission(satellite, by_satellite_clock).ok()?;
+    let sent = sent.at(satellite, by_satellite_clock).ok()?;
 
     let code = |observation: &Observation, delay_m: f64| {
         Some(Code {

@@ -3,18 +3,18 @@
 
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Epoch, Settings, Start};
-use kurs::fusion::arm_model::ArmEnd;
-use kurs::fusion::attitude_form::Carried;
-use kurs::fusion::gradient::Prediction;
+use kurs::fusion::arm::as_published::filter::PublishedFilter;
+use kurs::fusion::arm::as_published::model as published_model;
+use kurs::fusion::arm::attitude_form::Carried;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter, ArmFilterSettings, Start};
+use kurs::fusion::arm::gradient::Prediction;
+use kurs::fusion::arm::layout::{Layout, PAPER_STATES};
+use kurs::fusion::arm::model::ArmEnd;
+use kurs::fusion::arm::nhe::Angles;
+use kurs::fusion::arm::process_noise::ProcessNoise;
+use kurs::fusion::arm::ranging::{Measured, Ranging, SatelliteMotion};
+use kurs::fusion::earth::local_level::LocalLevel;
 use kurs::fusion::kalman::Gate;
-use kurs::fusion::layout::{Layout, PAPER_STATES};
-use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::nhe::Angles;
-use kurs::fusion::process_noise::ProcessNoise;
-use kurs::fusion::published_filter::PublishedFilter;
-use kurs::fusion::published_model;
-use kurs::fusion::ranging::{Measured, Ranging, SatelliteMotion};
 use kurs::signal::{Satellite, System};
 use nalgebra::{DMatrix, Vector3};
 use serde_json::Value;
@@ -130,25 +130,25 @@ fn check_corrected_step(case: &Value, outcome: &mut Outcome) -> Result<(), Strin
     let z = numbers(&step["z"])?;
     let (ranging, force) = measurements(case, &z)?;
     let time_s = number(&case["t"])?;
-    let settings = Settings {
+    let settings = ArmFilterSettings {
         process_noise: ProcessNoise::PaperSteps,
         adaptive: true,
         second_order: false,
         gate: Gate::Open,
-        ..Settings::new(arm(case)?)
+        ..ArmFilterSettings::new(arm(case)?)
     };
     let start = start(time_s - step_s, &x, &sd);
     let mut filter = ArmFilter::new(settings.clone(), &start);
     filter.predict_to(time_s).map_err(|error| error.to_string())?;
     compare_state(outcome, "corrected x predicted", filter.state(), &step["x_pred"])?;
-    let epoch = Epoch {
+    let epoch = ArmEpoch {
         time_s,
         specific_force_mps2: Some(force),
         satellites: &ranging,
         arm_angle_rad: None,
     };
     for (gate, key) in GATES {
-        let mut gated = ArmFilter::new(Settings { gate, ..settings.clone() }, &start);
+        let mut gated = ArmFilter::new(ArmFilterSettings { gate, ..settings.clone() }, &start);
         gated.push(&epoch).map_err(|error| error.to_string())?;
         // The filter takes each satellite's measurements in the same order as the vector.
         compare_gate(outcome, key, gated.batch().outcomes(), &step[key])?;
@@ -288,7 +288,7 @@ fn compare_innovations(
 fn compare_gate(
     outcome: &mut Outcome,
     key: &str,
-    found: &[kurs::fusion::kalman::Outcome],
+    found: &[kurs::fusion::kalman::UpdateOutcome],
     expected: &Value,
 ) -> Result<(), String> {
     let list = expected.as_array().ok_or("a list of flags was expected")?;

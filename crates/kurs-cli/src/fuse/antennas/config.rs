@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use kurs::frames::{Geodetic, Vector};
-use kurs::fusion::attitude_filter::InertialSettings;
-use kurs::fusion::attitude_session::AttitudeSessionSettings;
+use kurs::fusion::attitude::filter::InertialSettings;
+use kurs::fusion::attitude::session::AttitudeSessionSettings;
 use kurs::fusion::kalman::Gate;
 use nalgebra::Vector3;
 use serde::Deserialize;

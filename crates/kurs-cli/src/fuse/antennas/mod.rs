@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::bail;
-use kurs::fusion::attitude_session::AttitudeSession;
+use kurs::fusion::attitude::session::AttitudeSession;
 
 use super::Args;
 use super::imu::Sensor;

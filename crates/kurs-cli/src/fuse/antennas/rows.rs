@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use kurs::fusion::attitude_session::{AttitudeSession, CoastingHealth, FusedRow};
+use kurs::fusion::attitude::session::{AttitudeSession, CoastingHealth, FusedRow};
 use kurs::solution::{PredictionRole, Status};
 use serde::Serialize;
 

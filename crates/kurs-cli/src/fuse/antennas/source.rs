@@ -6,7 +6,7 @@ use std::vec::IntoIter;
 
 use anyhow::{Context, bail};
 use kurs::differential::Differential;
-use kurs::fusion::attitude_session::{AttitudeSession, ImuSample};
+use kurs::fusion::attitude::session::{AttitudeSession, ImuSample};
 use kurs::fusion::time_order::TooLate;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Reason};

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use kurs::fusion::arm::attitude_form::AttitudeForm;
+use kurs::fusion::arm::filter::{ArmFilterSettings, Drift};
+use kurs::fusion::arm::nhe::{Angles, frd_from_bfs};
+use kurs::fusion::arm::process_noise::{Densities, ProcessNoise, Tuning};
+use kurs::fusion::arm::reception::ReceptionSettings;
+use kurs::fusion::arm::session::SessionSettings;
 use kurs::fusion::arm::{RotatingArm, Triad};
-use kurs::fusion::arm_filter::{Drift, Settings};
-use kurs::fusion::arm_session::SessionSettings;
-use kurs::fusion::attitude_form::AttitudeForm;
 use kurs::fusion::kalman::Gate;
-use kurs::fusion::nhe::{Angles, frd_from_bfs};
-use kurs::fusion::process_noise::{Densities, ProcessNoise, Tuning};
-use kurs::fusion::reception::ReceptionSettings;
 use kurs::signal::System;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -289,7 +289,7 @@ impl Config {
         })
     }
 
-    fn filter_settings(&self) -> Result<Settings, UsageError> {
+    fn filter_settings(&self) -> Result<ArmFilterSettings, UsageError> {
         /// Satellites whose phases are carried at once.
         const AMBIGUITY_SLOTS: usize = 16;
         /// A bias moves by 1 mm/s² in a minute.
@@ -306,7 +306,7 @@ impl Config {
         let drift =
             |initial_sd: f64, density| (initial_sd > 0.0).then_some(Drift { initial_sd, density });
         let drift_rad = arm.phase_drift_deg.to_radians();
-        Ok(Settings {
+        Ok(ArmFilterSettings {
             form: match filter.attitude {
                 AttitudeWord::Euler => AttitudeForm::Euler,
                 AttitudeWord::Quaternion => AttitudeForm::Quaternion,
@@ -324,7 +324,7 @@ impl Config {
             bias: drift(accelerometer.bias_sd_mps2, BIAS_DENSITY),
             arm_angle: drift(arm.phase_sd_deg.to_radians(), drift_rad * drift_rad),
             ambiguity_slots: if self.receiver.phase_sd_m > 0.0 { AMBIGUITY_SLOTS } else { 0 },
-            ..Settings::new(self.arm())
+            ..ArmFilterSettings::new(self.arm())
         })
     }
 

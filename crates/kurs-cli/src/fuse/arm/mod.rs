@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::bail;
-use kurs::fusion::arm_session::{ArmSession, SessionRow};
+use kurs::fusion::arm::session::{ArmSession, SessionRow};
 use kurs::observation::AntennaEpoch;
 
 use super::Args;

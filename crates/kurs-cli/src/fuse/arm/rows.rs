@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use kurs::fusion::arm_filter::{Health, Tally};
-use kurs::fusion::arm_session::SessionRow;
+use kurs::fusion::arm::filter::Health;
+use kurs::fusion::arm::session::SessionRow;
+use kurs::fusion::health::Tally;
 use kurs::solution::Status;
 use serde::Serialize;
 

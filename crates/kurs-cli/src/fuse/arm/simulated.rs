@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use kurs::frames::{Geodetic, Vector, wrap_heading};
 use kurs::fusion::arm::Triad;
-use kurs::fusion::arm_filter::Settings;
+use kurs::fusion::arm::filter::ArmFilterSettings;
 use kurs::observation::AntennaEpoch;
 use kurs::signal::Signal;
 use kurs::time::GpsTime;
@@ -32,7 +32,7 @@ pub(super) const TRUTH: &str = "truth.csv";
 pub(super) fn recording(
     config: &Config,
     simulate: &SimulateConfig,
-    settings: &Settings,
+    settings: &ArmFilterSettings,
 ) -> Result<ArmRecording, UsageError> {
     let problem =
         |error: kurs_sim::simulation::ScenarioError| UsageError(format!("simulate.{error}"));
@@ -43,7 +43,11 @@ pub(super) fn recording(
     ArmRecording::new(plan).map_err(problem)
 }
 
-fn plan(config: &Config, simulate: &SimulateConfig, settings: &Settings) -> ArmRecordingPlan {
+fn plan(
+    config: &Config,
+    simulate: &SimulateConfig,
+    settings: &ArmFilterSettings,
+) -> ArmRecordingPlan {
     let (speed_mps, arm) = (simulate.speed_mps, &settings.arm);
     let course = match simulate.course {
         CourseWord::Standing => Course::Standing,

@@ -7,7 +7,7 @@ use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use super::{Version, record};
-use crate::navigation::ReadSummary;
+use crate::read_summary::ReadSummary;
 use crate::rinex::fields::{columns, exponential, integer, label};
 use crate::source::{ReadError, Source};
 

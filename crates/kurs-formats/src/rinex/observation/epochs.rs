@@ -42,6 +42,8 @@ pub(super) struct EpochReader {
     pub(super) field_count: u64,
     /// One for each system, in the order of [`System::ALL`].
     columns: [Columns; System::ALL.len()],
+    /// Systems whose observations nobody wants, in that order.
+    pub(super) passed_over: [bool; System::ALL.len()],
     satellites: Vec<Option<Satellite>>,
     /// Those of the epoch before.
     before: Vec<Option<Satellite>>,
@@ -110,6 +112,7 @@ impl EpochReader {
             events: EventLog::default(),
             field_count: 0,
             columns: Default::default(),
+            passed_over: Default::default(),
             satellites: Vec::new(),
             before: Vec::new(),
         };
@@ -277,6 +280,9 @@ impl EpochReader {
                 self.damage.note_with(line_number, || undeclared(satellite));
                 continue;
             }
+            if self.passed_over[satellite.system as usize] {
+                continue;
+            }
             let base = epoch.observations.len();
             epoch.observations.extend(layout.blank(satellite));
             let observations = &mut epoch.observations[base..];
@@ -340,6 +346,9 @@ impl EpochReader {
             let layout = &self.columns[satellite.system as usize];
             if layout.columns.is_empty() {
                 self.damage.note_with(number, || undeclared(satellite));
+                continue;
+            }
+            if self.passed_over[satellite.system as usize] {
                 continue;
             }
             let base = epoch.observations.len();
@@ -429,7 +438,10 @@ impl EpochReader {
             let line_count = self.columns[system as usize].columns.len().div_ceil(FIELDS_A_LINE);
             let base = epoch.observations.len();
             let layout = &self.columns[system as usize];
-            epoch.observations.extend(satellite.iter().flat_map(|s| layout.blank(*s)));
+            let is_wanted = !self.passed_over[system as usize];
+            epoch
+                .observations
+                .extend(satellite.iter().filter(|_| is_wanted).flat_map(|s| layout.blank(*s)));
             for part in 0..line_count {
                 if !self.advance_past_comments()? {
                     self.damage.note(self.lines.line_number(), "the file ends inside an epoch");
@@ -445,6 +457,9 @@ impl EpochReader {
                     self.damage.note(number, "not the line of its satellite, the epoch is dropped");
                     self.lines.hold_line();
                     return Ok(false);
+                }
+                if !is_wanted {
+                    continue;
                 }
                 let observations = &mut epoch.observations[base..];
                 let (slips, damage) = (&mut self.slips, &mut self.damage);

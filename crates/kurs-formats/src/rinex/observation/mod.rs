@@ -89,6 +89,11 @@ impl ObservationReader {
         Ok(Self { epochs: Ordered::new(EpochReader::new(lines, header)?) })
     }
 
+    /// Leaves out the systems that are not wanted: their lines are passed over unread.
+    pub fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
+        self.epochs.raw.passed_over = System::ALL.map(|system| !wanted(system));
+    }
+
     /// The header as it stands after the last epoch that was read.
     #[must_use]
     pub const fn header(&self) -> &ObservationHeader {

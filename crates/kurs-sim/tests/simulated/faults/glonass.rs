@@ -43,7 +43,7 @@ fn like_receivers() {
 
 /// 0.15 cycles (28 mm) a channel: told so or not, nothing wrong is called fixed.
 #[test]
-fn unlike_receivers() {
+fn mixed_receivers() {
     for channel_sd_m in [0.0, 0.05] {
         let (_, wrong) = fixed(0.15, channel_sd_m);
         assert_eq!(wrong, 0, "{channel_sd_m}");

@@ -70,7 +70,7 @@ fn keep_gps(epoch: &mut ArrayEpoch, kept: usize) {
 
 /// GPS teaches the bias of each step of the channel; when most of GPS is lost, GLONASS carries on.
 #[test]
-fn glonass_of_unlike_receivers_learns_from_gps() {
+fn glonass_of_mixed_receivers_learns_from_gps() {
     const LOST_FROM_S: f64 = 20.0;
     let run = |cycles_per_channel: f64, systems: &[&str]| {
         let signals = ["G1C", "G2W", "R1C"];

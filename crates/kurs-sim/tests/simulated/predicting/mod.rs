@@ -5,8 +5,8 @@
 use kurs::engine::{Constraint, Engine, PredictedAttitude, Settings};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::{Rotation, Vector};
-use kurs::fusion::attitude_filter::InertialSettings;
-use kurs::fusion::attitude_session::{AttitudeSession, AttitudeSessionSettings, ImuSample};
+use kurs::fusion::attitude::filter::InertialSettings;
+use kurs::fusion::attitude::session::{AttitudeSession, AttitudeSessionSettings, ImuSample};
 use kurs::fusion::kalman::Gate;
 use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, PredictionRole, Status};

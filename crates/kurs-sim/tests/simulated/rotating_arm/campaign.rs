@@ -1,17 +1,17 @@
 //! Many seeded runs of a rotating-arm filter over the reference scenario, and what they come to.
 
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Epoch, Health, Settings, Start};
-use kurs::fusion::attitude_form::AttitudeForm;
-use kurs::fusion::kalman::Gate;
-use kurs::fusion::layout::{
+use kurs::fusion::arm::as_published::filter::PublishedFilter;
+use kurs::fusion::arm::attitude_form::AttitudeForm;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter, ArmFilterSettings, Health, Start};
+use kurs::fusion::arm::layout::{
     ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, PAPER_STATES, POSITION, RATE, VELOCITY,
 };
-use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::nhe::Angles;
-use kurs::fusion::process_noise::{Densities, ProcessNoise};
-use kurs::fusion::published_filter::PublishedFilter;
-use kurs::fusion::ranging::{Measured, Ranging, SatelliteMotion};
+use kurs::fusion::arm::nhe::Angles;
+use kurs::fusion::arm::process_noise::{Densities, ProcessNoise};
+use kurs::fusion::arm::ranging::{Measured, Ranging, SatelliteMotion};
+use kurs::fusion::earth::local_level::LocalLevel;
+use kurs::fusion::kalman::Gate;
 use kurs::signal::{Satellite, System};
 use kurs_sim::noise::Noise;
 use kurs_sim::rotating_arm::{
@@ -29,7 +29,7 @@ const TURN_ENDS_S: f64 = TURN_STARTS_S + TURN_LASTS_S;
 /// Which filter is run.
 #[derive(Debug, Clone)]
 pub(crate) enum Candidate {
-    Corrected(Box<Settings>),
+    Corrected(Box<ArmFilterSettings>),
     /// As published, fed with its own model of the world.
     PublishedOwnWorld(Gate),
     /// As published, fed with what the sensors really measure.
@@ -88,11 +88,11 @@ pub(crate) struct Summary {
 
 /// The corrected filter of the reference by its densities.
 pub(crate) fn corrected(jerk: f64, turning: f64, states_20: bool, form: AttitudeForm) -> Candidate {
-    let settings = Settings {
+    let settings = ArmFilterSettings {
         form,
         angular_acceleration: states_20,
         process_noise: ProcessNoise::Continuous(Densities { jerk, turning, clock: 0.01 }),
-        ..Settings::new(RotatingArm::new(1.0, 1.0))
+        ..ArmFilterSettings::new(RotatingArm::new(1.0, 1.0))
     };
     Candidate::Corrected(Box::new(settings))
 }
@@ -245,7 +245,7 @@ impl Filter {
     fn push(&mut self, time_s: f64, satellites: &[Ranging], force: Vector3<f64>) -> (usize, usize) {
         match self {
             Self::Corrected(filter) => {
-                let epoch = Epoch {
+                let epoch = ArmEpoch {
                     time_s,
                     specific_force_mps2: Some(force),
                     satellites,

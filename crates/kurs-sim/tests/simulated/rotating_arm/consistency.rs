@@ -4,14 +4,14 @@ use core::ops::Range;
 
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_filter::{ArmFilter, Epoch, Settings};
-use kurs::fusion::arm_model::ArmEnd;
-use kurs::fusion::attitude_form::Carried;
-use kurs::fusion::layout::{
+use kurs::fusion::arm::attitude_form::Carried;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter, ArmFilterSettings};
+use kurs::fusion::arm::layout::{
     ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, PAPER_STATES, POSITION, RATE, VELOCITY,
 };
-use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::process_noise::{Densities, ProcessNoise};
+use kurs::fusion::arm::model::ArmEnd;
+use kurs::fusion::arm::process_noise::{Densities, ProcessNoise};
+use kurs::fusion::earth::local_level::LocalLevel;
 use kurs_sim::noise::Noise;
 use kurs_sim::rotating_arm::{ArmScenario, ArmSensors, Course, TurnShape};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Vector2, Vector3};
@@ -100,8 +100,10 @@ fn run(seed: u64, duration_s: f64) -> Means {
 
     let start = start(&begin, &WELL_KNOWN, &mut noise);
     let densities = Densities { jerk: JERK, turning: TURNING, clock: CLOCK_DENSITY };
-    let settings =
-        Settings { process_noise: ProcessNoise::Continuous(densities), ..Settings::new(arm) };
+    let settings = ArmFilterSettings {
+        process_noise: ProcessNoise::Continuous(densities),
+        ..ArmFilterSettings::new(arm)
+    };
     let mut filter = ArmFilter::new(settings, &start);
     let (draw, mut sums, mut epochs) = (ProcessDraw::new(), Means::default(), 0.0);
     let (mut gnss_used, mut accelerometer_used) = (0, 0);
@@ -124,7 +126,7 @@ fn run(seed: u64, duration_s: f64) -> Means {
             }
         }
         let force = end.specific_force(&here, EARTH_RATE_RADPS).map(|axis| axis.value);
-        let epoch = Epoch {
+        let epoch = ArmEpoch {
             time_s,
             specific_force_mps2: Some(Vector3::from(force) + noise.normal3(0.01)),
             satellites: &ranges,

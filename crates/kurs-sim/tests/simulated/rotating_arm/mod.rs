@@ -8,7 +8,7 @@ mod observability;
 mod vertical;
 
 use campaign::{ACCELERATED, COARSE, Campaign, Candidate, STEADY, Summary, corrected};
-use kurs::fusion::attitude_form::AttitudeForm::{Euler, Quaternion};
+use kurs::fusion::arm::attitude_form::AttitudeForm::{Euler, Quaternion};
 use kurs::fusion::kalman::Gate;
 use kurs_sim::rotating_arm::Course;
 

@@ -3,12 +3,12 @@
 
 use kurs::frames::EARTH_RATE_RADPS;
 use kurs::fusion::arm::RotatingArm;
-use kurs::fusion::arm_model::ArmEnd;
-use kurs::fusion::attitude_form::Carried;
-use kurs::fusion::gradient::Prediction;
-use kurs::fusion::layout::{ACCELERATION, ATTITUDE, Layout, PAPER_STATES, POSITION, VELOCITY};
-use kurs::fusion::local_level::LocalLevel;
-use kurs::fusion::published_model;
+use kurs::fusion::arm::as_published::model as published_model;
+use kurs::fusion::arm::attitude_form::Carried;
+use kurs::fusion::arm::gradient::Prediction;
+use kurs::fusion::arm::layout::{ACCELERATION, ATTITUDE, Layout, PAPER_STATES, POSITION, VELOCITY};
+use kurs::fusion::arm::model::ArmEnd;
+use kurs::fusion::earth::local_level::LocalLevel;
 use kurs_sim::rotating_arm::{ArmScenario, Course, TurnShape};
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 

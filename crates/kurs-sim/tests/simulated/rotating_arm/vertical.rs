@@ -1,9 +1,9 @@
 //! The quaternion form over the top: the nose goes through the vertical twice, where roll and heading
 //! have no meaning of their own.
 
-use kurs::fusion::arm_filter::{ArmFilter, Epoch};
-use kurs::fusion::attitude_form::AttitudeForm::Quaternion;
-use kurs::fusion::layout::ATTITUDE;
+use kurs::fusion::arm::attitude_form::AttitudeForm::Quaternion;
+use kurs::fusion::arm::filter::{ArmEpoch, ArmFilter};
+use kurs::fusion::arm::layout::ATTITUDE;
 use kurs_sim::noise::Noise;
 use kurs_sim::rotating_arm::{ArmScenario, ArmSensors, Clock, Course, TurnShape};
 use nalgebra::{Matrix3, Rotation3};
@@ -47,7 +47,7 @@ fn the_nose_goes_over_the_top() {
                         ranging(*number, satellite, r.pseudorange_m, r.range_rate_mps)
                     }));
                 }
-                let epoch = Epoch {
+                let epoch = ArmEpoch {
                     time_s: step as f64 * STEP_S,
                     specific_force_mps2: Some(force),
                     satellites: &ranges,

@@ -2,25 +2,25 @@
 //!
 //! Fed with what antenna and accelerometers really measure it rejects most of it, because gravity
 //! and the antenna's own motion are not in its model; fed with its own model it loses the heading in
-//! uniform motion, because that model does not contain it. [`super::arm_filter`] is the filter to
+//! uniform motion, because that model does not contain it. [`super::super::filter`] is the filter to
 //! use. Equations (1)–(16), with the typographical errors of (15) and of H at intermediate instants
 //! repaired: they could not be run as printed.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::arm::RotatingArm;
-use super::attitude_form::{Carried, integrate_angles, translate};
-use super::gradient::Prediction;
-use super::kalman::{Batch, Estimate, Gate, add_integrated_noise};
-use super::layout::{
+use super::super::RotatingArm;
+use super::super::attitude_form::{Carried, integrate_angles, translate};
+use super::super::gradient::Prediction;
+use super::super::layout::{
     ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, PAPER_STATES, POSITION, RATE, VELOCITY,
 };
-use super::local_level::LocalLevel;
-use super::published_model;
-use super::ranging::{Measured, Ranging};
+use super::super::ranging::{Measured, Ranging};
+use super::model;
+use crate::fusion::earth::local_level::LocalLevel;
+use crate::fusion::kalman::{Batch, Estimate, Gate, add_integrated_noise};
 
 /// Q_min a step of 0.01 s, by block: the printed matrix is missing, only its values survive.
-pub(super) const STEP_VARIANCES: [(core::ops::Range<usize>, f64); 5] =
+pub(in crate::fusion::arm) const STEP_VARIANCES: [(core::ops::Range<usize>, f64); 5] =
     [(POSITION, 1e-4), (VELOCITY, 1e-6), (ACCELERATION, 1e-6), (ATTITUDE, 4e-6), (RATE, 4e-7)];
 /// c² N_ξv, (m/s)²/s; not given in the paper.
 const CLOCK_DENSITY: f64 = 0.01;
@@ -147,15 +147,15 @@ impl PublishedFilter {
         };
         for Ranging { motion: satellite, pseudorange_m, .. } in satellites {
             if let Some(measured) = pseudorange_m {
-                add(*measured, published_model::pseudorange(&decoded.motion, satellite));
+                add(*measured, model::pseudorange(&decoded.motion, satellite));
             }
         }
         for Ranging { motion: satellite, range_rate_mps, .. } in satellites {
             if let Some(measured) = range_rate_mps {
-                add(*measured, published_model::range_rate(&decoded.motion, satellite));
+                add(*measured, model::range_rate(&decoded.motion, satellite));
             }
         }
-        let forces = published_model::specific_force(&decoded.motion, &arm);
+        let forces = model::specific_force(&decoded.motion, &arm);
         for (measured, prediction) in specific_force_mps2.iter().zip(forces) {
             add(Measured { value: *measured, sd: ACCELEROMETER_SD_MPS2 }, prediction);
         }

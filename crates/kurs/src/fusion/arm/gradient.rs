@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::local_level::{LevelDerivative, LocalLevel};
+use crate::fusion::earth::local_level::{LevelDerivative, LocalLevel};
 
 /// Motion of the body's centre of rotation and of its axes; ECEF, body axes of the paper
 /// ([`super::nhe`]).

@@ -2,9 +2,9 @@
 
 use nalgebra::DMatrix;
 
-use super::kalman::add_integrated_noise;
+use super::as_published::filter::STEP_VARIANCES;
 use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
-use super::published_filter::STEP_VARIANCES;
+use crate::fusion::kalman::add_integrated_noise;
 
 /// Process noise of the rotating-arm filter.
 #[derive(Debug, Clone, Copy, PartialEq)]

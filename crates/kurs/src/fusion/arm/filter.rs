@@ -2,26 +2,24 @@
 //!
 //! Gravity gives the tilt, Coriolis acceleration on the arm the angular rates, and the antenna's
 //! own speed in the range rates the heading, even in uniform motion. At every instant: predict to
-//! it, linearise all of its measurements with the model of [`super::arm_model`], refuse those
+//! it, linearise all of its measurements with the model of [`super::model`], refuse those
 //! outside the gate, absorb the rest.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-use super::arm::RotatingArm;
-use super::arm_model::ArmEnd;
+use super::RotatingArm;
 use super::attitude_form::{AttitudeForm, Carried, Decoded, triple};
 use super::gradient::{Motion, Prediction};
-use super::kalman::{Batch, Estimate, Gate};
 use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
-use super::local_level::LocalLevel;
+use super::model::ArmEnd;
 use super::nhe::Angles;
 use super::phase_slots::PhaseSlots;
 use super::process_noise::{ProcessNoise, Tuning};
 use super::ranging::{Measured, Ranging};
 use crate::frames::EARTH_RATE_RADPS;
-
-/// The filter does not predict over longer gaps: the attitude is lost by then.
-pub const LONGEST_GAP_S: f64 = 10.0;
+use crate::fusion::earth::local_level::LocalLevel;
+use crate::fusion::health::{FilterError, LONGEST_GAP_S, Tally};
+use crate::fusion::kalman::{Batch, Estimate, Gate};
 
 /// An unknown constant that may drift.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,7 +32,7 @@ pub struct Drift {
 
 /// What the filter estimates and how.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct ArmFilterSettings {
     /// The arm.
     pub arm: RotatingArm,
     /// How the attitude is carried.
@@ -101,7 +99,7 @@ pub struct Start {
 
 /// Everything measured at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Epoch<'a> {
+pub struct ArmEpoch<'a> {
     /// Time since the arm's time zero.
     pub time_s: f64,
     /// The three accelerometers, m/s².
@@ -110,17 +108,6 @@ pub struct Epoch<'a> {
     pub satellites: &'a [Ranging],
     /// The arm's angle from an encoder, rad.
     pub arm_angle_rad: Option<Measured>,
-}
-
-/// How the measurements of one kind fared.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Tally {
-    /// Passed the gate.
-    pub used: usize,
-    /// Did not.
-    pub rejected: usize,
-    /// Normalised innovation squared, summed over the used ones: expected value `used`.
-    pub nis: f64,
 }
 
 /// Filter health at one instant.
@@ -136,32 +123,10 @@ pub struct Health {
     pub saturated: usize,
 }
 
-/// Why the filter could not take an epoch; it stays as it was.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum FilterError {
-    /// Not later than what was already absorbed.
-    #[error("time goes back from {from_s} s to {to_s} s")]
-    TimeGoesBack {
-        /// Time of the filter.
-        from_s: f64,
-        /// Time of the epoch.
-        to_s: f64,
-    },
-    /// A gap that cannot be bridged: start anew.
-    #[error("gap of {gap_s} s, longer than {LONGEST_GAP_S} s")]
-    Gap {
-        /// Length.
-        gap_s: f64,
-    },
-    /// The state is no longer a number: start anew.
-    #[error("the filter diverged")]
-    Diverged,
-}
-
 /// Extended Kalman filter of the rotating arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmFilter {
-    settings: Settings,
+    settings: ArmFilterSettings,
     layout: Layout,
     time_s: f64,
     state: DVector<f64>,
@@ -175,7 +140,7 @@ pub struct ArmFilter {
     batch: Batch,
 }
 
-impl Settings {
+impl ArmFilterSettings {
     /// The recommended filter for an arm: 17 states in angles, manoeuvring, 5 σ gate.
     #[must_use]
     pub const fn new(arm: RotatingArm) -> Self {
@@ -198,7 +163,7 @@ impl Settings {
 impl ArmFilter {
     /// A filter at its start.
     #[must_use]
-    pub fn new(settings: Settings, start: &Start) -> Self {
+    pub fn new(settings: ArmFilterSettings, start: &Start) -> Self {
         let layout = Layout::new(
             settings.angular_acceleration,
             settings.bias.is_some(),
@@ -239,7 +204,7 @@ impl ArmFilter {
     /// # Errors
     ///
     /// [`FilterError`]; the filter is unchanged then, except for [`FilterError::Diverged`].
-    pub fn push(&mut self, epoch: &Epoch) -> Result<Health, FilterError> {
+    pub fn push(&mut self, epoch: &ArmEpoch) -> Result<Health, FilterError> {
         self.predict_to(epoch.time_s)?;
         let mut health = Health::default();
         let force = self.usable_force(epoch, &mut health);
@@ -383,7 +348,7 @@ impl ArmFilter {
     }
 
     /// The accelerometer sample, unless it says nothing.
-    fn usable_force(&self, epoch: &Epoch, health: &mut Health) -> Option<Vector3<f64>> {
+    fn usable_force(&self, epoch: &ArmEpoch, health: &mut Health) -> Option<Vector3<f64>> {
         let force = epoch.specific_force_mps2?;
         if !force.iter().all(|axis| axis.is_finite()) {
             health.unusable += 1;
@@ -393,7 +358,7 @@ impl ArmFilter {
     }
 
     /// Fills the batch with the innovations and gradients of everything measured.
-    fn linearise(&mut self, epoch: &Epoch, force: Option<Vector3<f64>>, health: &mut Health) {
+    fn linearise(&mut self, epoch: &ArmEpoch, force: Option<Vector3<f64>>, health: &mut Health) {
         let (here, decoded) = self.decode();
         let arm_correction = self.arm_correction();
         let arm_angle = self.settings.arm.angle_rad(self.time_s) + arm_correction;
@@ -523,20 +488,6 @@ impl Health {
     }
 }
 
-impl Tally {
-    fn add(&mut self, later: &Self) {
-        self.used += later.used;
-        self.rejected += later.rejected;
-        self.nis += later.nis;
-    }
-
-    pub(super) fn of(outcomes: &[super::kalman::Outcome]) -> Self {
-        let used = outcomes.iter().filter(|outcome| outcome.accepted).count();
-        let nis = outcomes.iter().map(|outcome| outcome.normalised_square).sum();
-        Self { used, rejected: outcomes.len() - used, nis }
-    }
-}
-
 /// What an ambiguity may be before it was seen: larger than any error of the predicted range.
 const UNKNOWN_AMBIGUITY_SD_M: f64 = 1e3;
 
@@ -548,7 +499,7 @@ struct SecondOrder {
 }
 
 /// Standard deviations of the state at its start, angles and their rates still as angles.
-fn initial_deviations(settings: &Settings, layout: &Layout, start: &Start) -> Vec<f64> {
+fn initial_deviations(settings: &ArmFilterSettings, layout: &Layout, start: &Start) -> Vec<f64> {
     let mut sd = vec![0.0; layout.states()];
     sd[POSITION].fill(start.position_sd_m);
     sd[CLOCK] = start.clock_sd_m;

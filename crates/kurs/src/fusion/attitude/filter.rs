@@ -7,11 +7,11 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::arm_filter::{FilterError, LONGEST_GAP_S, Tally};
-use super::gravity::normal_gravity_mps2;
-use super::kalman::{Batch, Estimate, Gate};
 use crate::chi_square::chi_square_tail;
 use crate::frames::{Body, EARTH_RATE_RADPS, Geodetic, Ned, Rotation, Vector, WGS84_A_M, WGS84_F};
+use crate::fusion::earth::gravity::normal_gravity_mps2;
+use crate::fusion::health::{FilterError, LONGEST_GAP_S, Tally};
+use crate::fusion::kalman::{Batch, Estimate, Gate};
 
 /// Attitude error φ, body axes.
 const ATTITUDE: usize = 0;

@@ -5,8 +5,8 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use super::gradient::{Gradient, Motion};
 use super::layout::{ACCELERATION, ATTITUDE, CLOCK, CLOCK_RATE, Layout, POSITION, RATE, VELOCITY};
-use super::local_level::LocalLevel;
 use super::nhe::{Angles, EulerRotation};
+use crate::fusion::earth::local_level::LocalLevel;
 
 /// How the attitude is carried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use crate::frames::{Attitude, Geodetic};
+use crate::frames::Attitude;
 
 /// Roll, pitch, heading of the paper, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -19,24 +19,6 @@ pub struct Angles {
     pub pitch_rad: f64,
     /// Clockwise from north.
     pub heading_rad: f64,
-}
-
-/// T_EN, equation (27): NHE components from ECEF components.
-#[must_use]
-pub fn nhe_from_ecef(at: &Geodetic) -> Matrix3<f64> {
-    let (sin_lat, cos_lat) = at.latitude_rad.sin_cos();
-    let (sin_lon, cos_lon) = at.longitude_rad.sin_cos();
-    Matrix3::new(
-        -cos_lon * sin_lat,
-        -sin_lon * sin_lat,
-        cos_lat,
-        cos_lon * cos_lat,
-        sin_lon * cos_lat,
-        sin_lat,
-        -sin_lon,
-        cos_lon,
-        0.0,
-    )
 }
 
 /// Forward-right-down components from forward-up-right ones; also north-east-down from

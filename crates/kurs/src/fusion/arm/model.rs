@@ -8,10 +8,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm::ArmMotion;
+use super::ArmMotion;
 use super::gradient::{Gradient, Motion, Prediction};
-use super::local_level::LocalLevel;
 use super::ranging::SatelliteMotion;
+use crate::fusion::earth::local_level::LocalLevel;
 
 /// The arm's end in space, shared by all measurements of one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -171,7 +171,7 @@ impl ArmEnd {
 
 #[cfg(test)]
 mod tests {
-    use super::super::arm::{RotatingArm, Triad};
+    use super::super::{RotatingArm, Triad};
     use super::*;
     use crate::frames::{EARTH_RATE_RADPS, Geodetic};
     use nalgebra::Rotation3;

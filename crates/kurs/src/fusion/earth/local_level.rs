@@ -3,7 +3,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::normal_gravity_mps2;
-use super::nhe::nhe_from_ecef;
 use crate::frames::{Ecef, Geodetic, Vector, WGS84_A_M, WGS84_F};
 
 /// North-up-east axes and gravity at a point.
@@ -24,6 +23,24 @@ pub struct LevelDerivative {
     pub turning: Matrix3<f64>,
     /// ∇γ in ECEF axes, 1/s².
     pub gravity_gradient: Vector3<f64>,
+}
+
+/// North-up-east components (T_EN, equation 27 of the rotating-frame paper) from ECEF components.
+#[must_use]
+pub fn nhe_from_ecef(at: &Geodetic) -> Matrix3<f64> {
+    let (sin_lat, cos_lat) = at.latitude_rad.sin_cos();
+    let (sin_lon, cos_lon) = at.longitude_rad.sin_cos();
+    Matrix3::new(
+        -cos_lon * sin_lat,
+        -sin_lon * sin_lat,
+        cos_lat,
+        cos_lon * cos_lat,
+        sin_lon * cos_lat,
+        sin_lat,
+        -sin_lon,
+        cos_lon,
+        0.0,
+    )
 }
 
 impl LocalLevel {

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::attitude_filter::{AttitudeFilter, Nominal, STATES};
+use super::filter::{AttitudeFilter, Nominal, STATES};
 
 /// A smoothed state.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,18 +9,17 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm_filter::{FilterError, Tally};
-use super::arm_session::Event;
-use super::attitude_filter::{
+use super::filter::{
     AttitudeFilter, Corrected, InertialSample, InertialSettings, MeasuredAttitude,
     MeasuredVelocity, Nominal,
 };
 use super::smoother::{Recorder, Smoothed};
-use super::time_order::{TimeOrder, TooLate};
 use crate::attitude::angles::angles_from_rotation_vector;
 use crate::differential::Differential;
 use crate::engine::PredictedAttitude;
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
+use crate::fusion::health::{Event, FilterError, LOCKED_OUT_EPOCHS, Tally};
+use crate::fusion::time_order::{TimeOrder, TooLate};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::solution::{AttitudeEstimate, EpochSolution, Outcome, PredictionRole, Reason, Status};
@@ -32,8 +31,6 @@ const LOST_SAMPLES: f64 = 2.5;
 const LONGEST_FIRST_STEP_S: f64 = 1.0;
 /// How fast the usual step follows the steps.
 const STEP_SHARE: f64 = 0.05;
-/// So many fixes in a row that the filter refuses: it must be wrong itself.
-const LOCKED_OUT_EPOCHS: usize = 20;
 /// So many fixes that the antennas found by themselves must have agreed with the prediction, the last one
 /// among them, before it may decide on integers: a filter that began at a wrong fix must not make more.
 const CONFIRMING_FIXES: usize = 5;

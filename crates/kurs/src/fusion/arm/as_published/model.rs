@@ -3,11 +3,11 @@
 //! Kept as the reference that shows why the published filter cannot work: the turning antenna does
 //! not enter pseudorange and range rate, the accelerometers feel no gravity, and the centripetal
 //! term is a constant in body axes. Without acceleration of the centre nothing depends on the
-//! attitude. [`super::arm_model`] is the model to use.
+//! attitude. [`super::super::model`] is the model to use.
 
-use super::arm::ArmMotion;
-use super::gradient::{Gradient, Motion, Prediction};
-use super::ranging::SatelliteMotion;
+use super::super::ArmMotion;
+use super::super::gradient::{Gradient, Motion, Prediction};
+use super::super::ranging::SatelliteMotion;
 
 /// D = |r − s| + Δ, equations (35), (36).
 #[must_use]

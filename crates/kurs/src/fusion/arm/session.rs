@@ -4,14 +4,15 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::arm_filter::{ArmFilter, Epoch, FilterError, Health, Start};
+use super::filter::{ArmEpoch, ArmFilter, ArmFilterSettings, Health, Start};
 use super::nhe::{Angles, frd_from_bfs};
 use super::ranging::{Measured, Ranging};
 use super::reception::{self, ReceptionSettings};
-use super::time_order::{TimeOrder, TooLate};
 use crate::ephemeris::NavigationData;
 use crate::frames::{Geodetic, Ned, Vector, wrap_heading};
-use crate::fusion::arm_filter::Settings;
+use crate::fusion::earth::local_level::LocalLevel;
+use crate::fusion::health::{Event, FilterError, LOCKED_OUT_EPOCHS};
+use crate::fusion::time_order::{TimeOrder, TooLate};
 use crate::observation::AntennaEpoch;
 use crate::point::{self, NoPosition, PointSettings, PointSolution, Tracked};
 use crate::signal::{SPEED_OF_LIGHT_MPS, System};
@@ -25,14 +26,12 @@ use crate::time::GpsTime;
 const CLOCK_JUMP_M: f64 = 10_000.0;
 /// What is left of a jump in the estimate, m.
 const CLOCK_SD_M: f64 = 30.0;
-/// So many GNSS epochs in a row with more rejected than used: the filter is lost.
-const LOCKED_OUT_EPOCHS: usize = 20;
 
 /// What a session needs to know beforehand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionSettings {
     /// The filter.
-    pub filter: Settings,
+    pub filter: ArmFilterSettings,
     /// Satellites and their noise.
     pub reception: ReceptionSettings,
     /// The one system whose satellites are used: the filter has one clock.
@@ -56,26 +55,6 @@ pub struct ArmSample {
     pub specific_force_mps2: Option<Vector3<f64>>,
     /// The arm's angle, rad.
     pub arm_angle_rad: Option<Measured>,
-}
-
-/// Something that a user should know of.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Event {
-    /// The filter began at a point position.
-    #[error("filter started")]
-    Started,
-    /// The filter could not go on and waits for a point position.
-    #[error("filter stopped: {0}")]
-    Stopped(FilterError),
-    /// The filter refused nearly everything for so long that it must be wrong.
-    #[error("filter stopped: it rejected most measurements of {LOCKED_OUT_EPOCHS} epochs in a row")]
-    LockedOut,
-    /// The receiver set its clock.
-    #[error("receiver clock jumped by {jump_m:.0} m")]
-    ClockJump {
-        /// By how much, times c.
-        jump_m: f64,
-    },
 }
 
 /// What comes of one GNSS epoch.
@@ -200,7 +179,7 @@ impl ArmSession {
     fn absorb_sample(&mut self, time_s: f64, sample: &ArmSample) {
         self.health.saturated += usize::from(sample.specific_force_mps2.is_none());
         let Some(filter) = &mut self.filter else { return };
-        let epoch = Epoch {
+        let epoch = ArmEpoch {
             time_s,
             specific_force_mps2: sample.specific_force_mps2,
             satellites: &[],
@@ -228,7 +207,7 @@ impl ArmSession {
         self.predict_and_range(time_s, epoch);
         let Some(filter) = &mut self.filter else { return lost(Reason::BadInput) };
         let satellites = &self.ranges;
-        let fused = Epoch { time_s, specific_force_mps2: None, satellites, arm_angle_rad: None };
+        let fused = ArmEpoch { time_s, specific_force_mps2: None, satellites, arm_angle_rad: None };
         let outcome = filter.push(&fused);
         self.keep_or_stop(time_s, outcome);
         if let Ok(Health { gnss, .. }) = outcome {
@@ -309,8 +288,7 @@ impl ArmSession {
     ) -> Start {
         let SessionSettings { filter, angles, heading_sd_rad, .. } = &self.settings;
         let arm = filter.arm.at_angle(filter.arm.angle_rad(time_s));
-        let nhe_from_ecef =
-            super::local_level::LocalLevel::at(&point.position_m.xyz()).nhe_from_ecef;
+        let nhe_from_ecef = LocalLevel::at(&point.position_m.xyz()).nhe_from_ecef;
         let ecef_from_body = nhe_from_ecef.transpose() * angles.nhe_from_body();
         let speed_mps = filter.arm.speed_mps();
         // What the turning antenna adds to the velocity is as uncertain as the heading.

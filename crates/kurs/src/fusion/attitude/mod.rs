@@ -1,0 +1,6 @@
+//! The multi-antenna attitude carried on by a gyro: the [`filter`] and its [`smoother`], joined with the
+//! antennas' rows in a [`session`].
+
+pub mod filter;
+pub mod session;
+pub mod smoother;
