@@ -5,7 +5,7 @@
 Of every page of docs/tutorial and docs/howto (or of PAGE) the commands are run with the program `kurs`, in a scratch folder of the page that
 has `examples`, `scenarios` and `testdata` of the project in it:
 
-* a fenced block `toml NAME`, `python NAME` or any other with a name is a file of the reader;
+* a fenced block `toml NAME`, `python NAME` or any other with a name is a file of the reader, whose name the text above it says;
 * a fenced block `console` has commands behind `$ ` (a backslash goes on in the next line), and lines that the command prints, in this
   order; `…` in them stands for any text, other lines may come between. The exit status is 0 or that of a line `[exit status N]`.
 
@@ -25,8 +25,8 @@ DOCS = ROOT / "docs"
 RUN = ("tutorial", "howto")
 FENCE = re.compile(r"^```(\S*) *(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-#: Longest time of one command, s.
-PATIENCE_S = 60
+#: No command takes more than some seconds; on a machine with other work it may. Beyond this it hangs, s.
+PATIENCE_S = 300
 
 
 def main():
@@ -117,6 +117,8 @@ def commands(page, program):
         environment = {**os.environ, "PATH": path, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         for block in blocks:
             if block[2]:
+                if f"`{block[2]}`" not in text[: block.start()]:
+                    yield told(page, text, block.start(), f"nothing above says that this is `{block[2]}`")
                 (folder / block[2]).parent.mkdir(parents=True, exist_ok=True)
                 (folder / block[2]).write_text(block[3])
             elif block[1] == "console":
