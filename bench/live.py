@@ -4,6 +4,7 @@
     bench/live.py guaranteed [--seconds 600] [--hz 20] [--slack 1]     four antennas, 30 satellites, two bands
     bench/live.py soak [--seconds 3600] [--hz 20] [--speed 1]          a cut, a reconnect, a day and week end
     bench/live.py rtkrcv [--seconds 3600] [--hz 5]                     both programs on the same streams
+    bench/live.py bodies [--seconds 60] [--hz 5]                       eight services that see each other
 
 Needs `cargo build --release` (or KURS=path of the program) and, for the last, rtkrcv (Debian: rtklib). Prints a table, and
 ends with status 1 where a bound is missed; `--slack N` allows N times the bounds of time.
@@ -11,6 +12,7 @@ ends with status 1 where a bound is missed; `--slack N` allows N times the bound
 
 import argparse
 import calendar
+import csv
 import json
 import os
 import pathlib
@@ -371,6 +373,76 @@ def rtkrcv(args, folder, faults):
         )
 
 
+BODIES = 8
+BODY_TOML = """
+[[body]]
+name = "b{number}"
+motion = {{ kind = "static", place = {{ latitude_deg = {latitude}, longitude_deg = 13.0, height_m = 100.0 }}, heading_deg = {heading} }}
+[[body.antenna]]
+name = "B{number}0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "B{number}1"
+position_m = [1.2, 0.0, 0.0]
+"""
+
+
+def bodies(args, folder, faults):
+    """Eight bodies with two antennas each, every one of which sees the seven others."""
+    bench = Bench(folder, args, 2 * BODIES, "2024-03-10T12:00:00")
+    headings = [40.0 * number for number in range(BODIES)]
+    text = bench.scenario.read_text().split("[[body]]")[0]
+    for number, heading in enumerate(headings):
+        text += BODY_TOML.format(number=number, heading=heading, latitude=52.0 + 1e-4 * number)
+    bench.scenario.write_text(text)
+    rows = free_ports(BODIES)
+    command = [KURS, "simulate", bench.scenario, "--stream", bench.ports, "--speed", args.speed, "--quiet"]
+    simulator = Process(command, args.nice)
+    time.sleep(1)
+    services = []
+    for number in range(BODIES):
+        toml = f'[live]\nbody = "b{number}"\n[[output]]\nto = "tcp-listen://:{rows + number}"\nprofile = "jsonl"\n'
+        for antenna in range(2):
+            port = bench.ports + 2 * number + antenna
+            toml += f'[[antenna]]\nname = "A{antenna}"\nstream = "tcp://127.0.0.1:{port}"\n'
+            toml += f"position_m = {list(PLACES_M[antenna])}\n"
+        for other in range(BODIES):
+            if other != number:
+                toml += f'[[peer]]\nname = "b{other}"\nfrom = "tcp://127.0.0.1:{rows + other}"\n'
+        configuration = folder / f"b{number}.toml"
+        configuration.write_text(toml)
+        out = folder / f"b{number}"
+        services.append(Process([KURS, "live", configuration, "--out", out, "--quiet"], args.nice))
+    began = time.monotonic()
+    while simulator.child.poll() is None:
+        for service in services:
+            service.sample()
+        time.sleep(0.5)
+    wall_s = time.monotonic() - began
+    used_s = sum(service.processor_s() for service in services)
+    for service in services:
+        service.end()
+    found = {"fixed": 0, "float": 0, "lost": 0}
+    worst = 0.0
+    for number in range(BODIES):
+        for table in (folder / f"b{number}").glob("*/relative.csv"):
+            for row in csv.DictReader(table.open()):
+                found[row["status"]] += 1
+                if row["status"] == "fixed" and row["heading_deg"]:
+                    truth = headings[int(row["peer"][1:])] - headings[number]
+                    error = (float(row["heading_deg"]) - truth + 180) % 360 - 180
+                    worst = max(worst, abs(error) / float(row["heading_sd_deg"]))
+    epochs = args.seconds * args.hz + 1
+    wanted = epochs * BODIES * (BODIES - 1)
+    print(f"{BODIES} bodies, {args.seconds} s at {args.hz} Hz, load average at the end {os.getloadavg()[0]:.1f}\n")
+    print("| what | found | bound |\n|---|---|---|")
+    check("relative rows missing", wanted - sum(found.values()), 0, faults)
+    check("relative rows without a fix, %", round(100 - 100 * found["fixed"] / wanted, 1), 5, faults)
+    check("worst relative heading, standard deviations", round(worst, 1), 6, faults)
+    check("processor, % of one core, all services", round(100 * used_s / wall_s, 1), 100, faults)
+    check("resident memory of the largest, kB", max(s.halves(1)[1] for s in services), MEMORY_KB, faults)
+
+
 def back_s(fixes, since):
     """How long after an instant the next fix came."""
     return next((at - since for at in fixes if at >= since), float("inf"))
@@ -388,7 +460,7 @@ def rtklib_fixes(lines):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["guaranteed", "soak", "rtkrcv"])
+    parser.add_argument("what", choices=["guaranteed", "soak", "rtkrcv", "bodies"])
     parser.add_argument("--seconds", type=int)
     parser.add_argument("--hz", type=int)
     parser.add_argument("--speed", type=float, default=1.0)
@@ -396,7 +468,12 @@ def main():
     parser.add_argument("--nice", type=int, default=0, help="priority of the programs that are measured")
     parser.add_argument("--keep", type=pathlib.Path, help="folder that keeps the files")
     args = parser.parse_args()
-    usual = {"guaranteed": (guaranteed, 600, 20), "soak": (soak, 3600, 20), "rtkrcv": (rtkrcv, 3600, 5)}
+    usual = {
+        "guaranteed": (guaranteed, 600, 20),
+        "soak": (soak, 3600, 20),
+        "rtkrcv": (rtkrcv, 3600, 5),
+        "bodies": (bodies, 60, 5),
+    }
     run, seconds, hz = usual[args.what]
     args.seconds, args.hz = args.seconds or seconds, args.hz or hz
     faults = []

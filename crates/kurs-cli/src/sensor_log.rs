@@ -82,7 +82,7 @@ pub(crate) enum Backwards {
 
 /// Columns by their place in a row.
 #[derive(Debug)]
-struct Columns {
+pub(crate) struct Columns {
     time: usize,
     accelerometer: Option<Triple>,
     gyro: Option<Triple>,
@@ -134,6 +134,45 @@ impl SensorLog {
     }
 }
 
+impl Columns {
+    /// The columns that a header names; the error says what is missing.
+    pub(crate) fn of_header(header: &csv::StringRecord) -> Result<Self, String> {
+        let names: Vec<&str> = header.iter().collect();
+        let Some(time) = names.iter().position(|column| *column == "time_s") else {
+            return Err(format!("no column `time_s`; found: {}", names.join(", ")));
+        };
+        let columns = Self {
+            time,
+            accelerometer: triple(&names, 'a', &ACCELERATION_UNITS),
+            gyro: triple(&names, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]),
+            arm_angle: names.iter().position(|name| *name == "arm_deg"),
+        };
+        if columns.accelerometer.is_none() && columns.gyro.is_none() {
+            return Err(format!(
+                "no sensor columns; expected ax_mps2, ay_mps2, az_mps2 (or _g, _mg) or \
+                 gx_radps, gy_radps, gz_radps (or _degps); found: {}",
+                names.join(", ")
+            ));
+        }
+        Ok(columns)
+    }
+
+    /// Whether every row has a rate.
+    pub(crate) const fn has_gyro(&self) -> bool {
+        self.gyro.is_some()
+    }
+
+    /// The values of a row; the error says which is none.
+    pub(crate) fn row(&self, record: &csv::StringRecord) -> Result<SensorRow, String> {
+        let time_s = number(record, self.time)?;
+        let force = self.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
+        let rate = self.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
+        let angle = self.arm_angle.map(|column| number(record, column)).transpose()?;
+        let arm_angle = angle.map(f64::to_radians);
+        Ok(SensorRow { time_s, accelerometer: force, gyro: rate, arm_angle })
+    }
+}
+
 impl SensorReader {
     /// Opens a file and reads its header.
     pub(crate) fn open(path: &Path, backwards: Backwards) -> anyhow::Result<Self> {
@@ -145,23 +184,10 @@ impl SensorReader {
             .from_path(path)
             .with_context(|| format!("{name}: cannot be read"))?;
         let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
-        let names: Vec<&str> = header.iter().collect();
-        let Some(time) = names.iter().position(|column| *column == "time_s") else {
-            bail!("{name}:1: no column `time_s`; found: {}", names.join(", "));
+        let columns = match Columns::of_header(&header) {
+            Ok(columns) => columns,
+            Err(what) => bail!("{name}:1: {what}"),
         };
-        let columns = Columns {
-            time,
-            accelerometer: triple(&names, 'a', &ACCELERATION_UNITS),
-            gyro: triple(&names, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]),
-            arm_angle: names.iter().position(|name| *name == "arm_deg"),
-        };
-        if columns.accelerometer.is_none() && columns.gyro.is_none() {
-            bail!(
-                "{name}:1: no sensor columns; expected ax_mps2, ay_mps2, az_mps2 (or _g, _mg) or \
-                 gx_radps, gy_radps, gz_radps (or _degps); found: {}",
-                names.join(", ")
-            );
-        }
         let mut reader = Self {
             path: path.to_owned(),
             records: reader.into_records(),
@@ -195,8 +221,8 @@ impl SensorReader {
     }
 
     fn row(&mut self, record: &csv::StringRecord) -> Result<SensorRow, String> {
-        let columns = &self.columns;
-        let time_s = number(record, columns.time)?;
+        let row = self.columns.row(record)?;
+        let time_s = row.time_s;
         if time_s <= self.last_s && self.backwards == Backwards::LeftOut {
             return Err(if time_s == self.last_s {
                 format!("time {time_s} s is that of the row before")
@@ -204,12 +230,8 @@ impl SensorReader {
                 format!("time goes back from {} s to {time_s} s", self.last_s)
             });
         }
-        let force = columns.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
-        let rate = columns.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
-        let angle = columns.arm_angle.map(|column| number(record, column)).transpose()?;
         self.last_s = time_s;
-        let arm_angle = angle.map(f64::to_radians);
-        Ok(SensorRow { time_s, accelerometer: force, gyro: rate, arm_angle })
+        Ok(row)
     }
 
     /// Reads on to the next row that can be used.

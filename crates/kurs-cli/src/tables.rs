@@ -8,6 +8,7 @@ use kurs::signal::SPEED_OF_LIGHT_MPS;
 use kurs::solution::{AttitudeEstimate, EpochSolution, PointEstimate, PositionEstimate, Status};
 use kurs::time::GpsTime;
 use kurs::turn_rate::{AngleRates, TurnRate, course_rad};
+use kurs_live::RelativeRow;
 use nalgebra::Matrix3;
 
 use crate::output::OutputFile;
@@ -90,6 +91,28 @@ pub(crate) const POINTS: &[&str] = &[
     "sd_east_m",
     "sd_down_m",
     "status",
+];
+
+pub(crate) const RELATIVE: &[&str] = &[
+    "time_gpst",
+    "body",
+    "peer",
+    "heading_deg",
+    "pitch_deg",
+    "roll_deg",
+    "heading_sd_deg",
+    "pitch_sd_deg",
+    "roll_sd_deg",
+    "cov_hp_deg2",
+    "cov_hr_deg2",
+    "cov_pr_deg2",
+    "east_m",
+    "north_m",
+    "up_m",
+    "own_age_s",
+    "peer_age_s",
+    "status",
+    "reason",
 ];
 
 /// The table `attitude`, or one of another name with its columns.
@@ -370,14 +393,42 @@ impl TimeColumns {
     }
 }
 
+/// Writes another body as seen from this one.
+pub(crate) fn write_relative(t: &mut Table<impl Write>, row: &RelativeRow) -> anyhow::Result<()> {
+    t.text(&TimeColumns::new(row.time).gpst);
+    t.text(&row.body);
+    t.text(&row.peer);
+    let relative = row.relative.as_ref();
+    angle_columns(
+        t,
+        relative.map_or([None; 3], |relative| relative.angles_rad),
+        relative.map(|relative| &relative.covariance_rad2),
+    );
+    let between_m = relative.and_then(|relative| relative.east_north_up_m);
+    (0..3).for_each(|axis| t.real(between_m.map(|m| m[axis]), 4));
+    row.ages_s.iter().for_each(|age_s| t.real(*age_s, 4));
+    t.text(row.status.word());
+    t.text(&row.reason);
+    t.end_row()
+}
+
 /// `heading_deg` to `cov_pr_deg2`
 fn attitude_columns(t: &mut Table<impl Write>, attitude: Option<&AttitudeEstimate>) {
     let angles = attitude.map_or([None; 3], |a| [a.heading_rad, a.pitch_rad, a.roll_rad]);
+    angle_columns(t, angles, attitude.map(|a| &a.covariance_rad2));
+}
+
+/// Three angles with their covariance.
+fn angle_columns(
+    t: &mut Table<impl Write>,
+    angles: [Option<f64>; 3],
+    covariance_rad2: Option<&Matrix3<f64>>,
+) {
     for angle in angles {
         t.real(angle.map(f64::to_degrees), 5);
     }
     let degrees = 1f64.to_degrees();
-    let covariance = attitude.map(|a| a.covariance_rad2 * degrees * degrees);
+    let covariance = covariance_rad2.map(|rad2| rad2 * degrees * degrees);
     for (i, angle) in angles.iter().enumerate() {
         t.real(angle.and(covariance).map(|c| c[(i, i)].sqrt()), 5);
     }

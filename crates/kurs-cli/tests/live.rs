@@ -571,11 +571,11 @@ impl Receivers {
     fn of_scenario(folder: &Path, text: &str, format: &str, speed: &str) -> Self {
         let scenario = folder.join("scenario.toml");
         fs::write(&scenario, text.replace("duration_s = 20.0", "duration_s = 600.0")).unwrap();
-        // Three in a row are needed.
+        // Six in a row are needed.
         let is_free = |port: u16| TcpListener::bind(("127.0.0.1", port)).is_ok();
         let port = (0..)
             .map(|_| free_port())
-            .find(|port| *port < u16::MAX - 2 && is_free(port + 1) && is_free(port + 2));
+            .find(|port| *port < u16::MAX - 5 && (1..6).all(|more| is_free(port + more)));
         let port = port.unwrap();
         let mut command = kurs();
         command.arg("simulate").arg(&scenario).args(["--quiet", "--stream", &port.to_string()]);
@@ -1184,6 +1184,400 @@ fn a_raw_log_plays_again_what_came() {
     assert_same(&rows(&out), &wanted, "played again");
 }
 
+/// A car with a gyro, and three seconds without satellites.
+const CAR: &str = r#"
+seed = 6
+start = "2024-03-09T23:59:50"
+duration_s = 24.0
+interval_s = 0.2
+signals = ["G1C", "G2L", "E1C", "E5Q"]
+
+[output]
+formats = ["ubx"]
+
+[sky]
+systems = ["G", "E"]
+
+[[body]]
+name = "car"
+[body.motion]
+kind = "car"
+place = { latitude_deg = 55.75, longitude_deg = 37.62, height_m = 200.0 }
+waypoints_m = [[0, 0], [0, 60], [60, 60], [60, -40]]
+speed_mps = 8.0
+wait_s = 4.0
+turn_radius_m = 12.0
+[[body.antenna]]
+name = "A0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "A1"
+position_m = [1.2, 0.0, -0.03]
+[[body.antenna]]
+name = "A2"
+position_m = [0.1, 0.8, 0.0]
+[body.imu]
+position_m = [-0.5, 0.1, 0.4]
+mounting_deg = [2.0, -1.0, 180.0]
+gyro_bias_degph = [10.0, -8.0, 6.0]
+
+[[outage]]
+from_s = 12.1
+to_s = 15.1
+"#;
+
+/// The car's logs, `imu.csv`, `fuse.toml`, `truth.csv`, made once.
+fn car() -> &'static Path {
+    static LOGS: OnceLock<tempfile::TempDir> = OnceLock::new();
+    LOGS.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = folder.path().join("scenario.toml");
+        fs::write(&scenario, CAR).unwrap();
+        let mut run = kurs();
+        run.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+        assert!(run.status().unwrap().success());
+        folder
+    })
+    .path()
+}
+
+/// Antennas with a line each.
+fn car_antennas(line: impl Fn(usize) -> String) -> String {
+    let places = ["[0.0, 0.0, 0.0]", "[1.2, 0.0, -0.03]", "[0.1, 0.8, 0.0]"];
+    let antennas = places.iter().enumerate().map(|(index, place)| {
+        let line = line(index);
+        format!("[[antenna]]\nname = \"A{index}\"\n{line}\nposition_m = {place}\n")
+    });
+    antennas.collect::<String>() + "[nav]\nas_received = true\n"
+}
+
+/// The tables of `fuse.toml` from [imu] on, with this line for where the samples are.
+fn car_sensor(line: &str) -> String {
+    let written = fs::read_to_string(car().join("fuse.toml")).unwrap();
+    let imu = &written[written.find("[imu]").unwrap()..];
+    imu.replace("file = \"imu.csv\"", line)
+}
+
+/// The rows of `kurs fuse` on the car's logs, whose prediction helps the integers.
+fn fused(folder: &Path, interval: &str) -> String {
+    let obs =
+        |index: usize| format!("obs = [\"{}\"]", car().join(format!("A{index}.ubx")).display());
+    fs::write(folder.join("kurs.toml"), car_antennas(obs)).unwrap();
+    let file = format!("file = \"{}\"", car().join("imu.csv").display());
+    let text = format!(
+        "[antennas]\nsolve = \"kurs.toml\"\n[filter]\norder_window_s = 0.0\n{interval}{}",
+        car_sensor(&file)
+    );
+    fs::write(folder.join("fuse.toml"), text).unwrap();
+    let out = folder.join("fused");
+    let mut run = kurs();
+    run.arg("fuse").arg(folder.join("fuse.toml")).arg("--quiet").arg("--out").arg(&out);
+    assert!(run.status().unwrap().success());
+    fs::read_to_string(out.join("attitude.csv")).unwrap()
+}
+
+fn assert_carried(live: &str, fused: &str, what: &str) {
+    for (number, (live, fused)) in live.lines().zip(fused.lines()).enumerate() {
+        assert_eq!(live, fused, "{what}, line {number}");
+    }
+    assert_eq!(live.lines().count(), fused.lines().count(), "{what}");
+    assert!(fused.contains(",float,predicted,") && fused.contains(",fixed,"), "{what}");
+}
+
+/// Antennas and sensor through TCP in pieces of any size, none of them at the pace of the others; the sensor
+/// from a log; and rows between the epochs.
+#[test]
+fn a_gyro_beside_the_antennas_gives_the_rows_of_fuse() {
+    for (is_log, interval_s) in [(false, None), (false, Some(0.1)), (true, None)] {
+        let folder = tempfile::tempdir().unwrap();
+        let log = |index: usize| fs::read(car().join(format!("A{index}.ubx"))).unwrap();
+        let ports = [0, 1, 2].map(|index| serve(log(index), 4));
+        let antennas =
+            car_antennas(|index| format!("stream = \"tcp://127.0.0.1:{}\"", ports[index]));
+        let samples = car().join("imu.csv");
+        let line = match is_log {
+            true => format!("log = \"{}\"", samples.display()),
+            false => {
+                let port = serve(fs::read(&samples).unwrap(), 2);
+                format!("stream = \"tcp://127.0.0.1:{port}\"")
+            }
+        };
+        let interval = interval_s.map_or(String::new(), |s| format!("interval_s = {s}\n"));
+        let more =
+            format!("{}\n{interval}[live]\ndeadline_ms = 20000\n", car_sensor(&line).trim_end());
+        let service = Service::start(folder.path(), &(antennas + &more), &["--once", "--quiet"]);
+        let (status, out) = service.end(Duration::from_secs(120));
+        assert_eq!(status, Some(0));
+        let output = match interval_s {
+            Some(s) => format!("[output]\ninterval_s = {s}\n"),
+            None => String::new(),
+        };
+        let what = format!("log {is_log}, {interval_s:?}");
+        assert_carried(&rows(&out)[0], &fused(folder.path(), &output), &what);
+    }
+}
+
+/// Lines of a sensor at a port, as `time_s` of a body at rest on the roof: level but for its pitch of 3°.
+struct Gyro {
+    port: u16,
+    /// Added to its times, in place of which nothing comes while it is no number.
+    late_s: Arc<Mutex<f64>>,
+}
+
+impl Gyro {
+    /// From this second of week on, `speed` times faster than time.
+    fn start(tow_s: f64, speed: f64) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let late_s = Arc::new(Mutex::new(0.0));
+        let of_thread = late_s.clone();
+        thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let began = Instant::now();
+            let mut alive = stream.write_all(b"time_s,gx_degps,gy_degps,gz_degps\n").is_ok();
+            while alive {
+                thread::sleep(Duration::from_millis(5));
+                let late_s = *of_thread.lock().unwrap();
+                if late_s.is_finite() {
+                    let at_s = tow_s + speed * began.elapsed().as_secs_f64() + late_s;
+                    let line = format!("{:.4},0.0,0.0,0.0\n", at_s.rem_euclid(604_800.0));
+                    alive = stream.write_all(line.as_bytes()).is_ok();
+                }
+            }
+        });
+        Self { port, late_s }
+    }
+
+    fn set(&self, late_s: f64) {
+        *self.late_s.lock().unwrap() = late_s;
+    }
+}
+
+/// A gyro that says nothing, whose time goes back, that is late, then there again: the antennas' rows go on, what
+/// is wrong is named. Carried rows leave the output that asks for them alone.
+#[test]
+fn a_gyro_never_stops_the_rows_of_the_antennas() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "1");
+    let lines = Lines::new(&receivers, 2);
+    // The week begins anew after ten seconds.
+    let gyro = Gyro::start(604_790.0, 1.0);
+    let (page, with, without) = (free_port(), free_port(), free_port());
+    let more = format!(
+        "[live]\npage = \"127.0.0.1:{page}\"\n[imu]\nstream = \"tcp://127.0.0.1:{}\"\n\
+         [[output]]\nto = \"tcp-listen://:{with}\"\nprofile = \"jsonl\"\npredicted = true\n\
+         [[output]]\nto = \"tcp-listen://:{without}\"\nprofile = \"jsonl\"\n",
+        gyro.port
+    );
+    let text = configuration([&lines.stream(0), &lines.stream(1)], &more);
+    let service = Service::start(folder.path(), &text, &["--quiet"]);
+    let [with, without] = [with, without].map(Messages::of_port);
+    let fixed = |value: &serde_json::Value| value["status"] == "fixed";
+    let rows_go_on = |what: &str| {
+        let from = without.count();
+        wait_for(what, || (without.like(from, fixed) > 8).then_some(()));
+    };
+    rows_go_on("fixed rows");
+    for (late_s, told) in [
+        (f64::NAN, Some("imu is connected, but no sample came")),
+        (-5.0, None),
+        (-3000.0, None),
+        (0.0, None),
+    ] {
+        gyro.set(late_s);
+        rows_go_on(&format!("rows with a gyro {late_s} s off"));
+        if let Some(told) = told {
+            wait_for(told, || get(page, "/healthz").1.contains(told).then_some(()));
+        }
+    }
+    let metrics = get(page, "/metrics").1;
+    let late =
+        metrics.lines().find(|line| line.starts_with("kurs_stream_late_total{stream=\"imu\"}"));
+    let late: u64 = late.unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!(late > 0);
+
+    // Nothing comes from the antennas: the gyro goes on for the one output.
+    let carried = |value: &serde_json::Value| value["reason"] == "predicted";
+    let (from, of_without) = (with.count(), without.count());
+    lines.set(&[(0, Fault::Silent), (1, Fault::Silent)]);
+    wait_for("carried rows", || (with.like(from, carried) > 8).then_some(()));
+    lines.set(&[(0, Fault::None), (1, Fault::None)]);
+    rows_go_on("the end of the silence");
+    let has_heading = |value: &serde_json::Value| carried(value) && value["heading_deg"].is_f64();
+    assert!(with.like(from, has_heading) > 8);
+    assert_eq!(without.like(of_without, has_heading), 0);
+    for value in with.0.lock().unwrap().iter().filter(|value| has_heading(value)) {
+        let error_deg = (value["heading_deg"].as_f64().unwrap() - 40.0).abs();
+        let sd_deg = value["heading_sd_deg"].as_f64().unwrap();
+        assert!(error_deg < 5.0 * sd_deg && sd_deg < 1.0, "{value}");
+    }
+    without.check(40.0);
+    drop(service);
+}
+
+/// Two bodies under one sky, each with three antennas.
+const TWO_BODIES: &str = r#"
+seed = 9
+start = "2024-03-10T12:00:00"
+duration_s = 20.0
+interval_s = 0.2
+signals = ["G1C", "G2L", "E1C", "E5Q"]
+
+[sky]
+systems = ["G", "E"]
+
+[[body]]
+name = "tractor"
+motion = { kind = "static", place = { latitude_deg = 51.6, longitude_deg = 46.0, height_m = 60.0 }, heading_deg = 350.0, pitch_deg = 2.0, roll_deg = -1.0 }
+[[body.antenna]]
+name = "T0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "T1"
+position_m = [1.2, 0.0, 0.0]
+[[body.antenna]]
+name = "T2"
+position_m = [0.0, 1.0, 0.0]
+
+[[body]]
+name = "implement"
+motion = { kind = "static", place = { latitude_deg = 51.60005, longitude_deg = 46.0, height_m = 60.0 }, heading_deg = 20.0, pitch_deg = -3.0, roll_deg = 4.0 }
+[[body.antenna]]
+name = "I0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "I1"
+position_m = [1.2, 0.0, 0.0]
+[[body.antenna]]
+name = "I2"
+position_m = [0.0, 1.0, 0.0]
+"#;
+
+/// Heading, pitch, roll of the second body in the axes of the first, degrees.
+fn seen_from([first, second]: [[f64; 3]; 2]) -> [f64; 3] {
+    let [first, second] = [first, second].map(|angles| {
+        let [heading_rad, pitch_rad, roll_rad] = angles.map(f64::to_radians);
+        kurs::frames::Attitude { heading_rad, pitch_rad, roll_rad }.ned_from_body().matrix()
+    });
+    let seen = kurs::frames::Rotation::from_matrix(first.transpose() * second);
+    let seen = kurs::frames::Attitude::from_ned_from_body(&seen);
+    [seen.heading_rad, seen.pitch_rad, seen.roll_rad].map(f64::to_degrees)
+}
+
+/// Two services, each of which sees the other as it is; one is killed and comes back. In between the other says
+/// that it is silent.
+#[test]
+fn two_bodies_see_each_other_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    // Receivers send ephemerides once, before the one that is killed comes back.
+    let scenario = folder.path().join("bodies.toml");
+    fs::write(&scenario, TWO_BODIES).unwrap();
+    let mut simulate = kurs();
+    simulate.arg("simulate").arg(&scenario).args(["--quiet", "--out"]).arg(folder.path());
+    assert!(simulate.status().unwrap().success());
+    let receivers = Receivers::of_scenario(folder.path(), TWO_BODIES, "ubx", "2");
+    let bodies = ["tractor", "implement"];
+    let (rows, relative) = ([free_port(), free_port()], [free_port(), free_port()]);
+    let places = ["[0.0, 0.0, 0.0]", "[1.2, 0.0, 0.0]", "[0.0, 1.0, 0.0]"];
+    let configuration = |index: usize| {
+        let antennas =
+            places.iter().zip(receivers.port + 3 * u16::try_from(index).unwrap()..).enumerate();
+        let antennas = antennas.map(|(number, (place, port))| {
+            let stream = format!("stream = \"tcp://127.0.0.1:{port}\"");
+            format!("[[antenna]]\nname = \"A{number}\"\n{stream}\nposition_m = {place}\n")
+        });
+        antennas.collect::<String>()
+            + &format!(
+                "[nav]\nfiles = [\"../nav.rnx\"]\n[solve]\narray_sd_m = 0.0005\n[live]\nbody = \"{}\"\n[[peer]]\nname = \"{}\"\nfrom = \"tcp://127.0.0.1:{}\"\n\
+                 [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"jsonl\"\n\
+                 [[output]]\nto = \"tcp-listen://:{}\"\nprofile = \"relative\"\n",
+                bodies[index],
+                bodies[1 - index],
+                rows[1 - index],
+                rows[index],
+                relative[index]
+            )
+    };
+    let start = |index: usize| {
+        let folder = folder.path().join(bodies[index]);
+        fs::create_dir_all(&folder).unwrap();
+        Service::start(&folder, &configuration(index), &["--quiet"])
+    };
+    let services = [start(0), start(1)];
+    let seen = relative.map(Messages::of_port);
+    let fixed = |value: &serde_json::Value| value["status"] == "fixed";
+    for messages in &seen {
+        wait_for("relative rows", || (messages.like(0, fixed) > 60).then_some(()));
+    }
+
+    let [first, second] = services;
+    second.signal("-KILL");
+    second.end(Duration::from_secs(10));
+    let from = seen[0].count();
+    let is_silent = |value: &serde_json::Value| {
+        value["status"] == "lost"
+            && value["reason"] == "peer_silent"
+            && value["heading_deg"].is_null()
+    };
+    wait_for("a silent peer", || (seen[0].like(from, is_silent) > 3).then_some(()));
+    let second = start(1);
+    let from = seen[0].count();
+    wait_for("the peer again", || (seen[0].like(from, fixed) > 10).then_some(()));
+
+    let angles = [[350.0, 2.0, -1.0], [20.0, -3.0, 4.0]];
+    for (index, messages) in seen.iter().enumerate() {
+        let truth = seen_from([angles[index], angles[1 - index]]);
+        let list = messages.0.lock().unwrap();
+        // Of rows with both attitudes of one time, and of those that the rates brought to it.
+        let mut squares = [Vec::new(), Vec::new()];
+        for value in list.iter().filter(|value| fixed(value)) {
+            assert_eq!(
+                (&value["body"], &value["peer"]),
+                (&bodies[index].into(), &bodies[1 - index].into())
+            );
+            let number =
+                |name: &str| value[name].as_f64().unwrap_or_else(|| panic!("{name}: {value}"));
+            let names = ["heading", "pitch", "roll"];
+            let error = nalgebra::Vector3::from_fn(|k, _| {
+                (number(&format!("{}_deg", names[k])) - truth[k] + 180.0).rem_euclid(360.0) - 180.0
+            });
+            let mut covariance = nalgebra::Matrix3::from_fn(|i, j| {
+                if i == j { number(&format!("{}_sd_deg", names[i])).powi(2) } else { 0.0 }
+            });
+            for (i, j, name) in
+                [(0, 1, "cov_hp_deg2"), (0, 2, "cov_hr_deg2"), (1, 2, "cov_pr_deg2")]
+            {
+                covariance[(i, j)] = number(name);
+                covariance[(j, i)] = number(name);
+            }
+            let is_aged = number("own_age_s").abs().max(number("peer_age_s").abs()) > 1e-3;
+            let square = (covariance.try_inverse().unwrap() * error).dot(&error);
+            squares[usize::from(is_aged)].push(square);
+            // Five and a half metres to the north or the south, by code.
+            let north_m = number("north_m") - if index == 0 { 5.563 } else { -5.563 };
+            assert!(north_m.abs() < 15.0 && number("east_m").abs() < 15.0, "{value}");
+            assert!(number("peer_age_s").abs() < 1.0, "{value}");
+        }
+        for (squares, what) in squares.iter().zip(["of one time", "brought to one time"]) {
+            let count = squares.len() as f64;
+            let (nees, band) = (squares.iter().sum::<f64>() / count, 3.29 * (6.0 / count).sqrt());
+            println!("{}, {what}: NEES {nees:.3} of 3 ± {band:.3}, {count} rows", bodies[index]);
+            if count > 20.0 {
+                // At rest no rate changes, which the covariance of those brought to one time allows for.
+                let least = if what == "of one time" { 3.0 - band } else { 0.0 };
+                assert!((least..3.0 + band).contains(&nees), "{what}: {nees}, {count}");
+            }
+        }
+    }
+    let file =
+        fs::read_dir(&first.out).unwrap().next().unwrap().unwrap().path().join("relative.csv");
+    let text = fs::read_to_string(file).unwrap();
+    assert!(text.starts_with("time_gpst,body,peer,heading_deg,"));
+    let lost = format!(",tractor,implement{}0.0000,,lost,peer_silent\n", ",".repeat(13));
+    assert!(text.contains(&lost), "{text}");
+    drop((first, second));
+}
+
 /// A program that ends with the test; `None` if it is not installed.
 struct Partner(Child);
 
@@ -1259,9 +1653,10 @@ fn foreign_programs_feed_it_and_read_it() {
     }
 }
 
-/// The casters of pygnssutils (PyPI), one for each antenna, with a password.
+/// The casters of pygnssutils (PyPI), one for each antenna, with a password; the stream of the second one
+/// comes through its client.
 #[test]
-fn casters_of_pygnssutils_feed_it() {
+fn casters_and_client_of_pygnssutils_feed_it() {
     let folder = tempfile::tempdir().unwrap();
     let receivers = Receivers::start(folder.path(), "rtcm3", 0.2, "1");
     let casters = [free_port(), free_port()];
@@ -1275,8 +1670,17 @@ fn casters_of_pygnssutils_feed_it() {
         partners.push(partner);
         wait_for("the caster", || TcpStream::connect(("127.0.0.1", caster)).ok());
     }
-    let streams =
-        casters.map(|port| format!("stream = \"ntrip://me:secret@127.0.0.1:{port}/pygnssutils\""));
+    let port = free_port();
+    let (caster, to) = (casters[1].to_string(), format!("127.0.0.1:{port}"));
+    let flags = ["-S", "127.0.0.1", "-P", &caster, "-M", "pygnssutils", "--clioutput", "3"];
+    let who = ["--ntripuser", "me", "--ntrippassword", "secret", "--output", &to];
+    let Some(_client) = Partner::start("gnssntripclient", &[&flags[..], &who].concat()) else {
+        return;
+    };
+    let streams = [
+        format!("stream = \"ntrip://me:secret@127.0.0.1:{}/pygnssutils\"", casters[0]),
+        format!("stream = \"tcp://127.0.0.1:{port}\""),
+    ];
     // The ephemerides were sent before anybody listened.
     let files = format!("as_received = true\nfiles = [\"{}\"]", logs().join("nav.rnx").display());
     let text = configuration([&streams[0], &streams[1]], "").replace("as_received = true", &files);

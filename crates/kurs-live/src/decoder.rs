@@ -51,8 +51,13 @@ pub(crate) struct Permits {
 
 impl Permits {
     fn acquire(&self) {
+        self.acquire_of(MAX_AHEAD);
+    }
+
+    /// Waits until fewer than `most` are out.
+    pub(crate) fn acquire_of(&self, most: usize) {
         let out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
-        let out = self.changed.wait_while(out, |out| *out >= MAX_AHEAD);
+        let out = self.changed.wait_while(out, |out| *out >= most);
         *out.unwrap_or_else(PoisonError::into_inner) += 1;
     }
 
@@ -76,7 +81,25 @@ impl Pace {
         let mut start = self.start.lock().unwrap_or_else(PoisonError::into_inner);
         let (began, first) = *start.get_or_insert((Instant::now(), time));
         drop(start);
-        let due_s = (time - first) / speed;
+        Self::sleep(began, (time - first) / speed);
+    }
+
+    /// For a log that has no week: it begins with the first epoch of another one.
+    pub(crate) fn wait_for_tow(&self, tow_s: f64, speed: f64) {
+        const LOOK_AGAIN: Duration = Duration::from_millis(10);
+        let start = || *self.start.lock().unwrap_or_else(PoisonError::into_inner);
+        let (began, first) = loop {
+            match start() {
+                Some(start) => break start,
+                None => std::thread::sleep(LOOK_AGAIN),
+            }
+        };
+        if let Some(time) = first.nearest_with_tow(tow_s) {
+            Self::sleep(began, (time - first) / speed);
+        }
+    }
+
+    fn sleep(began: Instant, due_s: f64) {
         let left_s = due_s - began.elapsed().as_secs_f64();
         if left_s > 0.0 {
             std::thread::sleep(Duration::from_secs_f64(left_s));

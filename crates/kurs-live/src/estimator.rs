@@ -16,8 +16,10 @@ use kurs::turn_rate::TurnRate;
 use tokio::sync::watch;
 
 use crate::decoder::{Arrival, Decoded, Permits};
+use crate::imu::Carrier;
 use crate::input::{Event, STATION};
 use crate::output::{Message, Sink};
+use crate::peer::{Peers, RelativeRow};
 use crate::service::{Finish, Gga, Times};
 use crate::state::StateFiles;
 use crate::status::{Status, StreamStatus};
@@ -35,6 +37,9 @@ const SAVE_INTERVAL: Duration = Duration::from_secs(60);
 /// See the module.
 pub(crate) struct Estimator {
     pub(crate) engine: Differential,
+    /// The inertial sensor's part.
+    pub(crate) carrier: Option<Carrier>,
+    pub(crate) peers: Option<Peers>,
     pub(crate) turn_rate: TurnRate,
     pub(crate) finish: Finish,
     pub(crate) matcher: Matcher,
@@ -49,7 +54,7 @@ pub(crate) struct Estimator {
     pub(crate) navigation: NavigationData,
     pub(crate) status: Arc<Status>,
     pub(crate) sinks: Vec<Sink>,
-    pub(crate) rows: SyncSender<EpochSolution>,
+    pub(crate) rows: SyncSender<(EpochSolution, Vec<RelativeRow>)>,
     pub(crate) gga: (watch::Sender<Option<String>>, Gga),
     pub(crate) known_time: watch::Sender<Option<GpsTime>>,
     pub(crate) state: Option<StateFiles>,
@@ -88,12 +93,27 @@ impl Estimator {
             self.heartbeat.fetch_add(1, Relaxed);
             let due_s = self.matcher.due_at_s().map_or(f64::INFINITY, |due_s| due_s - self.now_s());
             let wait = Duration::from_secs_f64(due_s.clamp(0.0, HEARTBEAT.as_secs_f64()));
+            let carrier_due =
+                self.carrier.as_ref().and_then(|carrier| carrier.due(!self.complete.is_empty()));
+            let wait = carrier_due
+                .map_or(wait, |due| wait.min(due.saturating_duration_since(Instant::now())));
             match events.recv_timeout(wait) {
                 Ok(Event::Epoch { antenna: STATION, decoded }) => self.take_station(*decoded),
                 Ok(Event::Epoch { antenna, decoded }) => self.take(antenna, *decoded),
                 Ok(Event::Left { antenna: STATION }) => self.station.has_left = true,
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(Event::Left { antenna }) => self.matcher.leave(antenna),
+                Ok(Event::Sample(tow_s, sample, arrived)) => {
+                    if let Some(carrier) = &mut self.carrier {
+                        carrier.push_sample(tow_s, *sample, arrived);
+                    }
+                }
+                Ok(Event::ImuLeft) => self.carrier.iter_mut().for_each(Carrier::leave),
+                Ok(Event::PeerLine(number, line, arrived)) => {
+                    if let Some(peers) = &mut self.peers {
+                        peers.push(number, *line, arrived);
+                    }
+                }
                 Ok(Event::InputEnded) => {
                     self.inputs -= 1;
                     if self.once && self.inputs == 0 {
@@ -104,23 +124,31 @@ impl Estimator {
                 Ok(Event::Stop) | Err(RecvTimeoutError::Disconnected) => break,
             }
             while let Some(epoch) = self.matcher.poll(self.now_s()) {
-                self.complete.push_back(epoch);
+                self.complete(epoch);
             }
             let window_s = self.matcher.window_s();
-            while let Some(epoch) =
-                self.complete.pop_front_if(|epoch| self.station.is_ready(epoch.time, window_s))
-            {
+            while let Some(epoch) = self.complete.pop_front_if(|epoch| {
+                let carrier = self.carrier.as_mut();
+                self.station.is_ready(epoch.time, window_s)
+                    && carrier.is_none_or(|carrier| carrier.is_ready(epoch.time))
+            }) {
                 self.solve(epoch);
             }
+            if self.complete.is_empty() {
+                self.carrier.iter_mut().for_each(Carrier::advance);
+            }
+            self.send_carried();
             self.return_permits();
             self.save(SAVE_INTERVAL);
         }
         while let Some(epoch) = self.matcher.flush(self.now_s()) {
-            self.complete.push_back(epoch);
+            self.complete(epoch);
         }
         while let Some(epoch) = self.complete.pop_front() {
             self.solve(epoch);
         }
+        self.carrier.iter_mut().for_each(Carrier::finish);
+        self.send_carried();
         self.save(Duration::ZERO);
     }
 
@@ -135,7 +163,14 @@ impl Estimator {
         of.out += 1;
         of.arrivals.push_back((epoch.time, arrival));
         let complete = self.matcher.push(antenna, epoch, self.now_s());
-        self.complete.extend(complete);
+        complete.into_iter().for_each(|epoch| self.complete(epoch));
+    }
+
+    fn complete(&mut self, epoch: ArrayEpoch) {
+        if let Some(carrier) = &mut self.carrier {
+            carrier.note_epoch(epoch.time, self.matcher.interval_s());
+        }
+        self.complete.push_back(epoch);
     }
 
     fn take_station(&mut self, decoded: Decoded) {
@@ -153,10 +188,26 @@ impl Estimator {
             self.engine.insert(&news);
             self.navigation.update(&news);
         }
-        let mut row = self.engine.push(&epoch, None);
+        let mut row = match &mut self.carrier {
+            None => self.engine.push(&epoch, None),
+            Some(carrier) => carrier.solve(&epoch, &mut self.engine),
+        };
         (self.finish)(&epoch, &mut row);
         let times = Times { station_age_s, ..self.times(&epoch) };
-        self.send(row, times);
+        match &mut self.carrier {
+            None => self.send(row, times),
+            Some(carrier) => {
+                carrier.take(row, times);
+                self.send_carried();
+            }
+        }
+    }
+
+    /// Rows that the filter is done with.
+    fn send_carried(&mut self) {
+        while let Some((row, times)) = self.carrier.as_mut().and_then(Carrier::next_row) {
+            self.send(row, times);
+        }
     }
 
     /// Reports tags that one clock cannot have given.
@@ -220,9 +271,13 @@ impl Estimator {
             }
             sink.send(Message { bytes: bytes.into(), expires });
         }
+        let relative = self.peers.as_mut().map(|peers| peers.rows(&row, &rates, expires));
+        let relative = relative.unwrap_or_default();
+        self.status.note_relative(relative.clone());
         if let Some(state) = &mut self.state {
             state.note(&row);
         }
+        let row = (row, relative);
         // A run over files waits for the disk; a live one goes on.
         let unwritten = match self.once {
             true => self.rows.send(row).is_err(),

@@ -4,6 +4,7 @@ use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
+use kurs::fusion::attitude::session::ImuSample;
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use tokio::net::{TcpListener, TcpStream};
@@ -14,7 +15,10 @@ use crate::address::Address;
 use crate::back_off::{BackOff, GOOD_AFTER};
 use crate::connection::Connection;
 use crate::decoder::{self, Chunk, Decoded, Decoding, Pace, Permits};
+use crate::imu::{self, ReadSamples};
+use crate::lines::{self, Lines};
 use crate::ntrip::{self, NtripError};
+use crate::peer::PeerLine;
 use crate::record::{Recorder, gps_time};
 use crate::status::StreamStatus;
 
@@ -29,7 +33,7 @@ const MAX_CHUNKS: usize = 64;
 /// Bytes that are read at once.
 const BUFFER: usize = 64 * 1024;
 
-/// A stream and the antennas that it carries.
+/// A stream and what it carries: antennas, or lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Input {
     /// Where it comes from.
@@ -37,6 +41,31 @@ pub struct Input {
     /// Antennas by their number, [`STATION`] for the fixed station, and what their part of the stream
     /// does not say by itself.
     pub antennas: Vec<(usize, String, LogOptions)>,
+    /// Lines of text in place of antennas.
+    pub lines: Option<Lines>,
+}
+
+impl Input {
+    /// What it is called in messages.
+    pub(crate) fn name(&self) -> &str {
+        let of_antenna = self.antennas.first().map_or("stream", |(_, name, _)| name);
+        self.lines.as_ref().map_or(of_antenna, Lines::name)
+    }
+
+    /// Whether a run over files ends without it.
+    pub(crate) const fn is_optional(&self) -> bool {
+        matches!(self.lines, Some(Lines::Peer(..)))
+    }
+
+    /// Tells that its connection has ended.
+    pub(crate) fn tell_end(&self, events: &std::sync::mpsc::Sender<Event>) {
+        for (antenna, ..) in &self.antennas {
+            let _ = events.send(Event::Left { antenna: *antenna });
+        }
+        if self.lines == Some(Lines::Imu) {
+            let _ = events.send(Event::ImuLeft);
+        }
+    }
 }
 
 /// The number that stands for the fixed station.
@@ -53,6 +82,12 @@ pub(crate) enum Event {
     Left {
         antenna: usize,
     },
+    /// Of the inertial sensor: GPS second of week, sample, when it came.
+    Sample(f64, Box<ImuSample>, Instant),
+    /// Its connection has ended.
+    ImuLeft,
+    /// Of another body, by its number.
+    PeerLine(usize, Box<PeerLine>, Instant),
     /// A stream has come to its end and will not come again.
     InputEnded,
     Reload(Box<crate::service::NewEngine>),
@@ -69,6 +104,8 @@ pub(crate) struct Shared {
     /// The last time that is known from a row, an ephemeris or the state of an earlier run.
     pub(crate) known_time: watch::Receiver<Option<GpsTime>>,
     pub(crate) log_dir: Option<std::path::PathBuf>,
+    /// Reads the lines of the inertial sensor.
+    pub(crate) read_samples: Option<ReadSamples>,
     /// A closed connection is an end.
     pub(crate) once: bool,
 }
@@ -121,10 +158,9 @@ impl Running {
         permits: Vec<Arc<Permits>>,
         shared: Shared,
     ) -> Self {
-        let name = input.antennas.first().map_or("stream", |(_, name, _)| name);
         let is_file = matches!(input.address, Address::File { .. });
         let recorder = shared.log_dir.as_ref().filter(|_| !is_file);
-        let recorder = recorder.map(|directory| Recorder::new(directory, name));
+        let recorder = recorder.map(|directory| Recorder::new(directory, input.name()));
         Self {
             input,
             statuses,
@@ -144,7 +180,9 @@ impl Running {
             self.connect_again_and_again().await;
         }
         self.statuses.iter().for_each(|status| status.note_end());
-        let _ = self.shared.events.send(Event::InputEnded);
+        if !self.input.is_optional() {
+            let _ = self.shared.events.send(Event::InputEnded);
+        }
     }
 
     async fn connect_again_and_again(&mut self) {
@@ -261,9 +299,7 @@ impl Running {
             let _ = decoder.await;
         }
         self.statuses.iter().for_each(|status| status.note_connection(false));
-        for (antenna, ..) in &self.input.antennas {
-            let _ = self.shared.events.send(Event::Left { antenna: *antenna });
-        }
+        self.input.tell_end(&self.shared.events);
         end
     }
 
@@ -343,14 +379,72 @@ impl Running {
         self.statuses.iter().map(|status| status.epochs()).sum()
     }
 
-    /// A decoder for every antenna of the stream.
-    fn start_decoders(&self, is_marked: bool) -> (Vec<mpsc::Sender<Chunk>>, Vec<JoinHandle<()>>) {
-        let pace = match self.input.address {
+    /// Reads lines for whom they are.
+    fn start_reader(
+        &self,
+        lines: &Lines,
+        is_marked: bool,
+    ) -> (Vec<mpsc::Sender<Chunk>>, Vec<JoinHandle<()>>) {
+        let (sender, receiver) = mpsc::channel(MAX_CHUNKS);
+        let (events, status) = (self.shared.events.clone(), Arc::clone(&self.statuses[0]));
+        let reading = match (lines, &self.shared.read_samples) {
+            (Lines::Peer(number, _), _) => {
+                let number = *number;
+                tokio::task::spawn_blocking(move || read_peer(number, receiver, &status, &events))
+            }
+            (Lines::Imu, Some(read)) => {
+                let mut samples = read();
+                let permits = Arc::clone(&self.permits[0]);
+                let pace = self.pace(is_marked);
+                let is_unpaced = self.input.address.is_unpaced_file();
+                tokio::task::spawn_blocking(move || {
+                    lines::read(receiver, |line, chunk| {
+                        let read = line.ok_or_else(|| "no line of text".to_owned());
+                        match read.and_then(|line| samples.sample(line)) {
+                            Ok(None) => true,
+                            Ok(Some((tow_s, sample))) => {
+                                if let Some((pace, speed)) = &pace {
+                                    pace.wait_for_tow(tow_s, *speed);
+                                }
+                                status.note_line(gps_time(chunk.utc).nearest_with_tow(tow_s));
+                                permits.acquire_of(if is_unpaced {
+                                    imu::MAX_AHEAD
+                                } else {
+                                    usize::MAX
+                                });
+                                let arrived =
+                                    if pace.is_some() { Instant::now() } else { chunk.arrived };
+                                events.send(Event::Sample(tow_s, Box::new(sample), arrived)).is_ok()
+                            }
+                            Err(what) => {
+                                status.note_bad_line(&what);
+                                true
+                            }
+                        }
+                    });
+                })
+            }
+            (Lines::Imu, None) => tokio::task::spawn_blocking(move || drop(receiver)),
+        };
+        (vec![sender], vec![reading])
+    }
+
+    /// Of a log without time marks that is not read as fast as possible.
+    fn pace(&self, is_marked: bool) -> Option<(Arc<Pace>, f64)> {
+        match self.input.address {
             Address::File { speed, .. } if speed > 0.0 && !is_marked => {
                 Some((Arc::clone(&self.shared.pace), speed))
             }
             _ => None,
-        };
+        }
+    }
+
+    /// A decoder for every antenna of the stream.
+    fn start_decoders(&self, is_marked: bool) -> (Vec<mpsc::Sender<Chunk>>, Vec<JoinHandle<()>>) {
+        if let Some(lines) = &self.input.lines {
+            return self.start_reader(lines, is_marked);
+        }
+        let pace = self.pace(is_marked);
         let told = *self.told_date.lock().unwrap_or_else(PoisonError::into_inner);
         let known_time = told.or(*self.shared.known_time.borrow());
         let parts = self.input.antennas.iter().zip(&self.statuses).zip(&self.permits);
@@ -376,6 +470,27 @@ impl Running {
             })
             .unzip()
     }
+}
+
+/// Rows of another body until its connection ends.
+fn read_peer(
+    number: usize,
+    chunks: mpsc::Receiver<Chunk>,
+    status: &StreamStatus,
+    events: &std::sync::mpsc::Sender<Event>,
+) {
+    lines::read(chunks, |line, chunk| {
+        match line.ok_or_else(|| "no line of text".to_owned()).and_then(PeerLine::read) {
+            Ok(line) => {
+                status.note_line(Some(line.state.time));
+                events.send(Event::PeerLine(number, Box::new(line), chunk.arrived)).is_ok()
+            }
+            Err(what) => {
+                status.note_bad_line(&what);
+                true
+            }
+        }
+    });
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@
 //!                           with a deadline    └► outputs
 //! ```
 //!
+//! Lines of an inertial sensor join the epochs in front of the engine, those of other bodies the rows behind it.
+//!
 //! Connections and outputs are tasks of one small runtime; every decoder, the engine and the files have a
 //! thread of their own. Everything between them is bounded: a receiver that is ahead of the others waits,
 //! a client that does not read is dropped. The rows are those of `kurs solve` with
@@ -21,19 +23,29 @@ mod connection;
 mod decoder;
 mod estimator;
 mod http;
+mod imu;
 mod input;
+mod lines;
 mod ntrip;
 mod output;
+mod peer;
 mod record;
+mod relative;
 mod service;
 mod state;
 mod status;
 mod systemd;
 
 pub use address::{Address, BadAddress, Ntrip};
+pub use imu::{Imu, ReadSamples, SampleLines};
 pub use input::{Input, STATION};
+pub use lines::Lines;
 pub use ntrip::body_of_answer;
 pub use output::{Encode, Output};
+pub use peer::{EncodeRelative, PeerSetup, RelativeRow, body_state};
 pub use record::gps_time;
-pub use service::{Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRow, run};
+pub use relative::{BodyState, Relative, RelativeSettings, relative};
+pub use service::{
+    Finish, Gga, MakeEngine, Reloaded, ServiceError, Setup, Times, WriteRelative, WriteRow, run,
+};
 pub use state::{Remembered, newest_reference_time, remembered};

@@ -70,10 +70,15 @@ impl Sink {
         rates: &AngleRates,
         times: &Times,
     ) -> Option<Vec<u8>> {
-        if self.sender.receiver_count() == 0 || !self.is_due(row.time) {
+        if !self.is_wanted(row.time) {
             return None;
         }
         (self.encode)(row, rates, times)
+    }
+
+    /// Whether a message of this time is due, and somebody there to read it.
+    pub(crate) fn is_wanted(&mut self, time: GpsTime) -> bool {
+        self.sender.receiver_count() > 0 && self.is_due(time)
     }
 
     fn is_due(&mut self, time: GpsTime) -> bool {

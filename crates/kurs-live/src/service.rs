@@ -22,10 +22,13 @@ use tokio::task::JoinHandle;
 use crate::address::Address;
 use crate::decoder::{Pace, Permits};
 use crate::estimator::{Antenna, Estimator, StationEpochs};
+use crate::imu::{Carrier, Imu};
 use crate::input::{Event, Input, Running, STATION, Shared};
+use crate::lines::Lines;
 use crate::output::{self, Output};
+use crate::peer::{PeerSetup, Peers, RelativeRow};
 use crate::state::StateFiles;
-use crate::status::{Status, StreamStatus};
+use crate::status::{Brings, Status, StreamStatus};
 use crate::{http, systemd};
 
 /// Rows that may wait for the files: a minute at 100 Hz.
@@ -58,6 +61,8 @@ pub type MakeEngine = Box<dyn Fn(NavigationData) -> Result<Differential, String>
 pub type Finish = Box<dyn FnMut(&ArrayEpoch, &mut EpochSolution) + Send>;
 /// Writes a row to the files; the error is for the log.
 pub type WriteRow = Box<dyn FnMut(&EpochSolution) -> Result<(), String> + Send>;
+/// Writes another body as seen from this one to the files; the error is for the log.
+pub type WriteRelative = Box<dyn FnMut(&RelativeRow) -> Result<(), String> + Send>;
 /// The position of a row as a GGA sentence, for casters.
 pub type Gga = Box<dyn Fn(&EpochSolution) -> Option<String> + Send>;
 
@@ -71,6 +76,10 @@ pub struct Setup {
     pub navigation: NavigationData,
     /// Makes the engine.
     pub make_engine: MakeEngine,
+    /// The inertial sensor, if one of the inputs is its.
+    pub imu: Option<Imu>,
+    /// The other bodies, if some of the inputs are theirs.
+    pub peers: Option<PeerSetup>,
     /// Behind the engine.
     pub finish: Finish,
     /// When a row goes without late antennas.
@@ -83,6 +92,8 @@ pub struct Setup {
     pub known_time: Option<GpsTime>,
     /// Rows to files.
     pub write_row: WriteRow,
+    /// Other bodies to files.
+    pub write_relative: WriteRelative,
     /// Rows to others.
     pub outputs: Vec<Output>,
     /// Position to casters.
@@ -172,6 +183,9 @@ struct Inputs {
     station_permits: Arc<Permits>,
     statuses: Vec<Arc<StreamStatus>>,
     station_status: Arc<StreamStatus>,
+    imu: Arc<StreamStatus>,
+    imu_permits: Arc<Permits>,
+    peers: Vec<Arc<StreamStatus>>,
     shared: Shared,
 }
 
@@ -181,9 +195,21 @@ impl Inputs {
             STATION => (Arc::clone(&self.station_status), Arc::clone(&self.station_permits)),
             _ => (Arc::clone(&self.statuses[antenna]), Arc::clone(&self.permits[antenna])),
         };
-        let (statuses, permits) = input.antennas.iter().map(|(antenna, ..)| of(*antenna)).unzip();
+        let (statuses, permits) = match &input.lines {
+            Some(Lines::Imu) => (vec![Arc::clone(&self.imu)], vec![Arc::clone(&self.imu_permits)]),
+            Some(Lines::Peer(number, _)) => {
+                (vec![Arc::clone(&self.peers[*number])], vec![Arc::default()])
+            }
+            None => input.antennas.iter().map(|(antenna, ..)| of(*antenna)).unzip(),
+        };
         let running = Running::new(input.clone(), statuses, permits, self.shared.clone());
         self.running.push((input, tokio::spawn(running.run())));
+    }
+
+    /// Whether the sensor and the peers are the same, wherever their lines come from.
+    fn have_the_lines_of(&self, inputs: &[Input]) -> bool {
+        let new = inputs.iter().filter_map(|input| input.lines.as_ref());
+        self.running.iter().filter_map(|(input, _)| input.lines.as_ref()).eq(new)
     }
 
     /// Streams that are as before go on, others end, new ones begin.
@@ -192,9 +218,7 @@ impl Inputs {
             let stays = inputs.contains(input);
             if !stays {
                 task.abort();
-                for (antenna, ..) in &input.antennas {
-                    let _ = self.shared.events.send(Event::Left { antenna: *antenna });
-                }
+                input.tell_end(&self.shared.events);
             }
             stays
         });
@@ -233,6 +257,7 @@ async fn serve(
         gga,
         known_time,
         log_dir: setup.log_dir,
+        read_samples: setup.imu.as_ref().map(|imu| Arc::clone(&imu.read)),
         once: setup.once,
     };
     let stream_status = |number: usize| {
@@ -245,25 +270,52 @@ async fn serve(
         });
         Arc::new(StreamStatus::new(name, baud))
     };
+    let of_lines = |input: &Input, brings| {
+        let baud = match input.address {
+            Address::Serial { baud, .. } => Some(baud),
+            _ => None,
+        };
+        Arc::new(StreamStatus::new(input.name().to_owned(), baud).bringing(brings))
+    };
+    let imu_input = setup.inputs.iter().find(|input| input.lines == Some(Lines::Imu));
+    let imu_status = imu_input.map(|input| of_lines(input, Brings::Samples));
+    let peers: Vec<_> = setup
+        .inputs
+        .iter()
+        .filter(|input| input.is_optional())
+        .map(|input| of_lines(input, Brings::Peer))
+        .collect();
     let mut inputs = Inputs {
         running: Vec::new(),
         permits: (0..setup.antennas).map(|_| Arc::default()).collect(),
         station_permits: Arc::default(),
         statuses: (0..setup.antennas).map(stream_status).collect(),
         station_status: stream_status(STATION),
+        imu: imu_status.clone().unwrap_or_else(|| stream_status(STATION)),
+        imu_permits: Arc::default(),
+        peers: peers.clone(),
         shared,
     };
     let has_station = setup.inputs.iter().any(|i| i.antennas.iter().any(|(n, ..)| *n == STATION));
     let station = has_station.then(|| Arc::clone(&inputs.station_status));
     *status.streams.lock().unwrap_or_else(PoisonError::into_inner) =
-        inputs.statuses.iter().cloned().chain(station).collect();
+        inputs.statuses.iter().cloned().chain(station).chain(imu_status).chain(peers).collect();
 
     let is_unpaced = is_unpaced(&setup.inputs);
-    let all_unpaced = setup.inputs.iter().all(|input| input.address.is_unpaced_file());
+    let mut with_antennas = setup.inputs.iter().filter(|input| input.lines.is_none());
+    let all_unpaced = with_antennas.all(|input| input.address.is_unpaced_file());
+    let is_imu_unpaced = imu_input.is_some_and(|input| input.address.is_unpaced_file());
     let (rows, written) = mpsc::sync_channel(MAX_ROWS);
-    let writer = start_writer(setup.write_row, written)?;
+    let writer = start_writer(setup.write_row, setup.write_relative, written)?;
     let heartbeat = Arc::new(AtomicU64::new(0));
+    let carrier = setup.imu.map(|imu| {
+        let (imu_status, permits) = (Arc::clone(&inputs.imu), Arc::clone(&inputs.imu_permits));
+        Carrier::new(imu, setup.deadline, is_imu_unpaced, imu_status, permits)
+    });
+    let start_output = |output| output::start(output, Arc::clone(&status));
     let estimator = Estimator {
+        carrier,
+        peers: setup.peers.map(|peers| Peers::new(peers, start_output)),
         turn_rate: TurnRate::default(),
         engine: (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?,
         finish: setup.finish,
@@ -283,14 +335,14 @@ async fn serve(
         common_clock: setup.common_clock,
         navigation: setup.navigation,
         status: Arc::clone(&status),
-        sinks: setup.outputs.into_iter().map(|o| output::start(o, Arc::clone(&status))).collect(),
+        sinks: setup.outputs.into_iter().map(start_output).collect(),
         rows,
         gga: (gga_sender, setup.gga),
         known_time: time_sender,
         state: setup.state_dir.map(StateFiles::new),
         saved: Instant::now(),
         began: Instant::now(),
-        inputs: setup.inputs.len(),
+        inputs: setup.inputs.iter().filter(|input| !input.is_optional()).count(),
         once: setup.once,
         heartbeat: Arc::clone(&heartbeat),
     };
@@ -311,6 +363,11 @@ async fn serve(
             _ = hang_up.recv() => match reload() {
                 Ok(new) if new.antennas != inputs.statuses.len() => {
                     tracing::error!("another number of antennas needs a restart; nothing was changed");
+                }
+                Ok(new) if !inputs.have_the_lines_of(&new.inputs) => {
+                    tracing::error!(
+                        "another inertial sensor or other peers need a restart; nothing was changed"
+                    );
                 }
                 Ok(new) => {
                     inputs.change(new.inputs);
@@ -349,12 +406,14 @@ fn antennas(inputs: &Inputs) -> Vec<Antenna> {
 /// Files have a thread of their own: a disk that stalls delays nothing else.
 fn start_writer(
     mut write_row: WriteRow,
-    rows: mpsc::Receiver<EpochSolution>,
+    mut write_relative: WriteRelative,
+    rows: mpsc::Receiver<(EpochSolution, Vec<RelativeRow>)>,
 ) -> Result<thread::JoinHandle<()>, ServiceError> {
     let write = move || {
         let mut last_error = String::new();
-        for row in rows {
-            match write_row(&row) {
+        for (row, relative) in rows {
+            let written = write_row(&row);
+            match relative.iter().fold(written, |written, row| written.and(write_relative(row))) {
                 Ok(()) => last_error.clear(),
                 // One that goes on and on is told of once.
                 Err(error) if error == last_error => {}

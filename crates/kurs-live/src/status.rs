@@ -11,6 +11,8 @@ use kurs::signal::Band;
 use kurs::solution::{EpochSolution, Status as RowStatus};
 use kurs::time::GpsTime;
 
+use crate::peer::RelativeRow;
+
 /// A stream is silent after this many of its intervals without an epoch …
 const SILENT_INTERVALS: f64 = 3.0;
 /// … but not before so many seconds, so that one scheduling hiccup at 100 Hz is no alarm.
@@ -91,10 +93,22 @@ impl Load {
     }
 }
 
-/// One antenna's stream.
+/// What a stream brings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Brings {
+    /// Epochs of an antenna or of the station.
+    Epochs,
+    /// Samples of the inertial sensor.
+    Samples,
+    /// Rows of another body, which may come and go.
+    Peer,
+}
+
+/// One stream.
 #[derive(Debug)]
 pub(crate) struct StreamStatus {
     name: String,
+    brings: Brings,
     /// Of a serial line, bits a second; 0 for others.
     baud: u64,
     began: Instant,
@@ -125,6 +139,7 @@ impl StreamStatus {
     pub(crate) fn new(name: String, baud: Option<u32>) -> Self {
         Self {
             name,
+            brings: Brings::Epochs,
             baud: baud.map_or(0, u64::from),
             began: Instant::now(),
             bytes: AtomicU64::new(0),
@@ -145,6 +160,11 @@ impl StreamStatus {
             cn0_dbhz: Mutex::default(),
             last_error: Mutex::new(String::new()),
         }
+    }
+
+    pub(crate) const fn bringing(mut self, brings: Brings) -> Self {
+        self.brings = brings;
+        self
     }
 
     fn now_ms(&self) -> i64 {
@@ -169,10 +189,15 @@ impl StreamStatus {
         }
     }
 
-    pub(crate) fn note_epoch(&self, epoch: &AntennaEpoch) {
+    /// A line with this time came.
+    pub(crate) fn note_line(&self, time: Option<GpsTime>) {
         self.epochs.fetch_add(1, Relaxed);
         self.last_ms.store(self.now_ms(), Relaxed);
-        self.note_time(epoch.time);
+        time.into_iter().for_each(|time| self.note_time(time));
+    }
+
+    pub(crate) fn note_epoch(&self, epoch: &AntennaEpoch) {
+        self.note_line(Some(epoch.time));
         let mut of_bands: BTreeMap<Band, (f64, u32)> = BTreeMap::new();
         for observation in &epoch.observations {
             let Some(cn0_dbhz) = observation.cn0_dbhz else { continue };
@@ -208,6 +233,13 @@ impl StreamStatus {
         self.damaged.fetch_add(count, Relaxed);
     }
 
+    /// A line that could not be used; the first one of a stream is named.
+    pub(crate) fn note_bad_line(&self, what: &str) {
+        if self.damaged.fetch_add(1, Relaxed) == 0 {
+            tracing::warn!(stream = self.name, "a line cannot be used: {what}");
+        }
+    }
+
     /// An error that ended a connection or kept one from being made.
     pub(crate) fn note_error(&self, what: &str) {
         self.errors.fetch_add(1, Relaxed);
@@ -227,7 +259,7 @@ impl StreamStatus {
 
     /// The name as a label of a metric.
     fn label(&self) -> String {
-        self.name.replace('\\', "\\\\").replace('"', "\\\"")
+        label(&self.name)
     }
 
     /// Why the stream does not bring what it should, in words; `None` if it does.
@@ -249,9 +281,20 @@ impl StreamStatus {
         Some(match (self.connected.load(Relaxed), error.is_empty()) {
             (false, false) => format!("is not connected: {error}"),
             (false, true) => "is not connected".into(),
-            (true, _) => format!("is connected, but no epoch came for {silent_s:.1} s"),
+            (true, _) => {
+                let awaited = match self.brings {
+                    Brings::Epochs => "epoch",
+                    Brings::Samples => "sample",
+                    Brings::Peer => "row",
+                };
+                format!("is connected, but no {awaited} came for {silent_s:.1} s")
+            }
         })
     }
+}
+
+fn label(name: &str) -> String {
+    name.replace('\\', "\\\\").replace('"', "\\\"")
 }
 
 /// Everything together.
@@ -275,6 +318,8 @@ pub(crate) struct Status {
     pub(crate) clocks_apart: AtomicU64,
     /// How much older than the last row the station's epoch in it is, s: bits of a number, of none without one.
     station_age_s: AtomicU64,
+    /// The other bodies at the last row.
+    relative: Mutex<Vec<RelativeRow>>,
 }
 
 impl Status {
@@ -293,7 +338,17 @@ impl Status {
             clients_dropped: AtomicU64::new(0),
             clocks_apart: AtomicU64::new(0),
             station_age_s: AtomicU64::new(f64::NAN.to_bits()),
+            relative: Mutex::default(),
         }
+    }
+
+    pub(crate) fn note_relative(&self, rows: Vec<RelativeRow>) {
+        *self.relative.lock().unwrap_or_else(PoisonError::into_inner) = rows;
+    }
+
+    /// The other bodies at the last row.
+    pub(crate) fn relative(&self) -> Vec<RelativeRow> {
+        self.relative.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     pub(crate) fn note_station(&self, age_s: Option<f64>) {
@@ -319,7 +374,8 @@ impl Status {
 
     /// What is wrong, a line each; nothing if all is well.
     pub(crate) fn troubles(&self) -> Vec<String> {
-        let streams = self.streams();
+        let mut streams = self.streams();
+        streams.retain(|stream| stream.brings != Brings::Peer);
         let of_streams = streams.iter().filter_map(|stream| {
             stream.trouble().map(|trouble| format!("{} {trouble}", stream.name))
         });
@@ -395,6 +451,13 @@ impl Status {
             let name = "kurs_station_age_seconds";
             head(&mut text, name, "gauge", "Age of the station's epoch in the last row.");
             let _ = writeln!(text, "{name} {station_age_s:.3}");
+        }
+        let name = "kurs_peer_age_seconds";
+        head(&mut text, name, "gauge", "Age of another body's attitude in the last row.");
+        for row in self.relative() {
+            if let [_, Some(age_s)] = row.ages_s {
+                let _ = writeln!(text, "{name}{{peer=\"{}\"}} {age_s:.3}", label(&row.peer));
+            }
         }
         let streams = self.streams();
         type Value = fn(&StreamStatus) -> f64;

@@ -71,6 +71,8 @@ pub enum Reason {
     Unproven,
     /// Integers of one arc disagree between epochs.
     Contradiction,
+    /// The attitude is not of this epoch: a gyro carried it here.
+    Predicted,
 }
 
 /// One check of an epoch's integers: a statistic, and how probable one as bad as this is if all is right.
@@ -509,7 +511,7 @@ impl Status {
 
 impl Reason {
     /// Every reason, in the order of the documentation.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::FewSatellites,
         Self::FewAntennas,
         Self::NoEphemeris,
@@ -529,6 +531,7 @@ impl Reason {
         Self::BadInput,
         Self::Unproven,
         Self::Contradiction,
+        Self::Predicted,
     ];
 
     /// The word in the outputs.
@@ -554,6 +557,7 @@ impl Reason {
             Self::BadInput => "bad_input",
             Self::Unproven => "unproven",
             Self::Contradiction => "contradiction",
+            Self::Predicted => "predicted",
         }
     }
 }

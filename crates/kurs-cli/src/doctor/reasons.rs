@@ -9,7 +9,7 @@ struct Explained {
     advice: &'static str,
 }
 
-const EXPLAINED: [Explained; 19] = [
+const EXPLAINED: [Explained; 20] = [
     Explained {
         word: "few_satellites",
         meaning: "the antennas share too few satellites",
@@ -104,6 +104,11 @@ const EXPLAINED: [Explained; 19] = [
         word: "contradiction",
         meaning: "integers that should not change between two epochs do",
         advice: "look for reflections, and for cycle slips that a receiver does not flag",
+    },
+    Explained {
+        word: "predicted",
+        meaning: "the antennas have no attitude, a gyro carries it on",
+        advice: "solve the antennas alone to see why they have none",
     },
 ];
 

@@ -5,10 +5,10 @@ use anyhow::bail;
 /// So many samples are looked at.
 pub(super) const SAMPLES: usize = 2000;
 /// What a resting accelerometer reads.
-pub(super) const AT_REST_MPS2: f64 = 9.81;
+pub(crate) const AT_REST_MPS2: f64 = 9.81;
 
 /// Refuses accelerometers whose median size is far from the expected one, with the likely unit.
-pub(super) fn refuse_other_units(
+pub(crate) fn refuse_other_units(
     mut norms_mps2: Vec<f64>,
     expected_mps2: f64,
 ) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use anyhow::bail;
 use kurs::frames::Vector;
 use kurs::fusion::attitude::session::ImuSample;
 use nalgebra::{Matrix3, Vector3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::calibration::Calibration;
 use super::{attitude, gravity_check};
@@ -17,11 +17,24 @@ use crate::sensor_log::{Backwards, SensorReader, SensorRow};
 use crate::summary::Damage;
 
 /// The table `[imu]`.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct ImuConfig {
+pub(crate) struct ImuConfig {
     /// CSV log; `time_s` is the GPS second of week.
+    #[serde(skip_serializing_if = "is_empty")]
     pub(super) file: PathBuf,
+    /// `kurs live`: where such lines come from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) stream: Option<String>,
+    /// `kurs live`: or a log that is read as fast as the antennas have epochs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) log: Option<PathBuf>,
+    /// `kurs live`: the header of lines that come without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) columns: Option<String>,
+    /// `kurs live`: rows at least so often.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) interval_s: Option<f64>,
     /// Result of `kurs calibrate`.
     pub(super) calibration: Option<PathBuf>,
     /// Added to the times of the log.
@@ -44,6 +57,10 @@ impl Default for ImuConfig {
     fn default() -> Self {
         Self {
             file: PathBuf::new(),
+            stream: None,
+            log: None,
+            columns: None,
+            interval_s: None,
             calibration: None,
             time_offset_s: 0.0,
             position_m: [0.0; 3],
@@ -71,6 +88,20 @@ impl ImuConfig {
         if self.file.as_os_str().is_empty() {
             return Err(UsageError("imu.file: no log of the inertial sensor".into()));
         }
+        let of_live = [
+            ("stream", self.stream.is_some()),
+            ("log", self.log.is_some()),
+            ("columns", self.columns.is_some()),
+            ("interval_s", self.interval_s.is_some()),
+        ];
+        if let Some((key, _)) = of_live.iter().find(|(_, is_given)| *is_given) {
+            return Err(UsageError(format!("imu.{key} is for `kurs live`")));
+        }
+        self.check_values()
+    }
+
+    /// Refuses values that cannot be meant, wherever the samples come from.
+    pub(crate) fn check_values(&self) -> Result<(), UsageError> {
         let force_noise = self.accelerometer_noise_mps2_per_sqrt_hz;
         let positive = [
             ("gyro_noise_deg_per_sqrt_h", self.gyro_noise_deg_per_sqrt_h),
@@ -103,11 +134,13 @@ impl ImuConfig {
     }
 }
 
-/// The log of the sensor, calibrated and turned into the axes of the body.
-pub(super) struct Sensor {
-    reader: SensorReader,
-    /// Read ahead of their time, first of all to look at the unit.
-    ahead: VecDeque<SensorRow>,
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
+}
+
+/// How the sensor sits in the body, and what its readings mean.
+#[derive(Debug, Clone)]
+pub(crate) struct Mounted {
     calibration: Calibration,
     body_from_imu: Matrix3<f64>,
     time_offset_s: f64,
@@ -116,10 +149,51 @@ pub(super) struct Sensor {
     force_range_mps2: f64,
 }
 
-impl Sensor {
-    pub(super) fn open(folder: &Path, config: &ImuConfig) -> anyhow::Result<Self> {
+/// The log of the sensor, calibrated and turned into the axes of the body.
+pub(super) struct Sensor {
+    reader: SensorReader,
+    /// Read ahead of their time, first of all to look at the unit.
+    ahead: VecDeque<SensorRow>,
+    mounted: Mounted,
+}
+
+impl Mounted {
+    /// As the table says; paths are relative to `folder`.
+    pub(crate) fn new(folder: &Path, config: &ImuConfig) -> anyhow::Result<Self> {
         let file = config.calibration.as_ref();
         let calibration = file.map(|file| Calibration::read(&folder.join(file))).transpose()?;
+        Ok(Self {
+            calibration: calibration.unwrap_or_default(),
+            body_from_imu: config.body_from_imu(),
+            time_offset_s: config.time_offset_s,
+            rate_range_radps: config.gyro_range_degps.to_radians(),
+            force_range_mps2: config.accelerometer_range_mps2,
+        })
+    }
+
+    /// Whether a bias from a rest is taken off the rates.
+    pub(crate) const fn has_gyro_bias(&self) -> bool {
+        self.calibration.gyro_bias_radps.is_some()
+    }
+
+    /// The sample of a row, with its time.
+    pub(crate) fn sample(&self, row: &SensorRow) -> (f64, ImuSample) {
+        let in_body = |v: Vector3<f64>| Vector::from_xyz(self.body_from_imu * v);
+        let inside = |reading: &Vector3<f64>, range: f64| reading.amax() < range;
+        let rate = row.gyro.filter(|reading| inside(reading, self.rate_range_radps));
+        let force = row.accelerometer.filter(|reading| inside(reading, self.force_range_mps2));
+        let sample = ImuSample {
+            rate_radps: rate.map(|reading| in_body(self.calibration.rate(&reading))),
+            specific_force_mps2: force.map(|reading| in_body(self.calibration.force(&reading))),
+            saturated: rate.is_none() || force.is_none() != row.accelerometer.is_none(),
+        };
+        (row.time_s + self.time_offset_s, sample)
+    }
+}
+
+impl Sensor {
+    pub(super) fn open(folder: &Path, config: &ImuConfig) -> anyhow::Result<Self> {
+        let mounted = Mounted::new(folder, config)?;
         let path = folder.join(&config.file);
         let mut reader = SensorReader::open(&path, Backwards::Kept)?;
         if !reader.has_gyro() {
@@ -133,20 +207,12 @@ impl Sensor {
             let norms = ahead.iter().filter_map(|row| Some(row.accelerometer?.norm()));
             gravity_check::refuse_other_units(norms.collect(), gravity_check::AT_REST_MPS2)?;
         }
-        Ok(Self {
-            reader,
-            ahead,
-            calibration: calibration.unwrap_or_default(),
-            body_from_imu: config.body_from_imu(),
-            time_offset_s: config.time_offset_s,
-            rate_range_radps: config.gyro_range_degps.to_radians(),
-            force_range_mps2: config.accelerometer_range_mps2,
-        })
+        Ok(Self { reader, ahead, mounted })
     }
 
     /// Whether a bias from a rest is taken off the rates.
     pub(super) const fn has_gyro_bias(&self) -> bool {
-        self.calibration.gyro_bias_radps.is_some()
+        self.mounted.has_gyro_bias()
     }
 
     /// Whether the log has accelerometers.
@@ -158,29 +224,14 @@ impl Sensor {
     pub(super) fn damage(&self) -> &[Damage] {
         self.reader.damage()
     }
+}
 
-    /// The next sample, unless it is later than this.
-    pub(super) fn next_before(&mut self, time_s: f64) -> Option<(f64, ImuSample)> {
-        let next = self.peek().filter(|(at_s, _)| *at_s <= time_s)?;
-        self.ahead.pop_front();
-        Some(next)
-    }
+impl Iterator for Sensor {
+    type Item = (f64, ImuSample);
 
-    /// The next sample, which stays the next.
-    pub(super) fn peek(&mut self) -> Option<(f64, ImuSample)> {
-        if self.ahead.is_empty() {
-            self.ahead.extend(self.reader.next());
-        }
-        let row = self.ahead.front()?;
-        let in_body = |v: Vector3<f64>| Vector::from_xyz(self.body_from_imu * v);
-        let inside = |reading: &Vector3<f64>, range: f64| reading.amax() < range;
-        let rate = row.gyro.filter(|reading| inside(reading, self.rate_range_radps));
-        let force = row.accelerometer.filter(|reading| inside(reading, self.force_range_mps2));
-        let sample = ImuSample {
-            rate_radps: rate.map(|reading| in_body(self.calibration.rate(&reading))),
-            specific_force_mps2: force.map(|reading| in_body(self.calibration.force(&reading))),
-            saturated: rate.is_none() || force.is_none() != row.accelerometer.is_none(),
-        };
-        Some((row.time_s + self.time_offset_s, sample))
+    /// The next sample with its time, s.
+    fn next(&mut self) -> Option<(f64, ImuSample)> {
+        let row = self.ahead.pop_front().or_else(|| self.reader.next())?;
+        Some(self.mounted.sample(&row))
     }
 }

@@ -3,12 +3,12 @@
 //! sensor has by itself.
 
 mod agreement;
-mod antennas;
+pub(crate) mod antennas;
 mod arm;
 mod calibration;
 mod events;
-mod gravity_check;
-mod imu;
+pub(crate) mod gravity_check;
+pub(crate) mod imu;
 mod tilt;
 
 use std::path::PathBuf;

@@ -3,28 +3,57 @@
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use kurs::solution::{EpochSolution, Status};
+use kurs::solution::{EpochSolution, Reason, Status};
 use kurs::turn_rate::AngleRates;
 use kurs_formats::nmea;
-use kurs_live::{Encode, Times, gps_time};
+use kurs_live::{Encode, RelativeRow, Times, gps_time};
 use serde_json::{Map, Value};
 
 use crate::solve::config::{OutputTable, Profile};
 use crate::table::{Table, TableFormat};
-use crate::tables::{self, ATTITUDE, TimeColumns};
+use crate::tables::{self, ATTITUDE, RELATIVE, TimeColumns};
 
 /// The encoder of an output.
 pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
-    let float = output.float;
+    let leaves = Leaves { float: output.float, predicted: output.predicted };
     let body = body.to_owned();
     match output.profile {
         Profile::Marine => sentences(nmea::Profile::Marine),
         Profile::Gpsd => sentences(nmea::Profile::Gpsd),
-        Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, float, TableFormat::Csv)),
+        Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, leaves, TableFormat::Csv)),
+        // Other bodies have an encoder of their own.
+        Profile::Relative => Arc::new(|_, _, _| None),
         Profile::Jsonl => {
-            Arc::new(move |row, rates, times| json_line(row, rates, times, float, &body))
+            Arc::new(move |row, rates, times| json_line(row, rates, times, leaves, &body))
         }
     }
+}
+
+/// Which rows without a fix leave with their angles.
+#[derive(Debug, Clone, Copy, Default)]
+struct Leaves {
+    /// Real-valued ambiguities.
+    float: bool,
+    /// Carried by a gyro.
+    predicted: bool,
+}
+
+impl Leaves {
+    fn has(self, row: &EpochSolution) -> bool {
+        match (row.status(), row.reason()) {
+            (Status::Fixed, _) => true,
+            (Status::Float, Some(Reason::Predicted)) => self.predicted,
+            (Status::Float, _) => self.float,
+            _ => false,
+        }
+    }
+}
+
+/// Another body as one object.
+pub(super) fn relative_line(row: &RelativeRow) -> Option<Vec<u8>> {
+    let mut table = Table::in_memory(TableFormat::Jsonl, RELATIVE);
+    tables::write_relative(&mut table, row).ok()?;
+    Some(table.into_text())
 }
 
 fn sentences(profile: nmea::Profile) -> Encode {
@@ -44,10 +73,10 @@ pub(super) fn gga(row: &EpochSolution) -> Option<String> {
 fn line(
     row: &EpochSolution,
     rates: &AngleRates,
-    float: bool,
+    leaves: Leaves,
     format: TableFormat,
 ) -> Option<Vec<u8>> {
-    let leaves = row.is_fixed() || float && row.status() == Status::Float;
+    let leaves = leaves.has(row);
     let rates = if leaves { *rates } else { [None; 3] };
     let mut row = row.clone();
     if !leaves {
@@ -63,10 +92,10 @@ fn json_line(
     row: &EpochSolution,
     rates: &AngleRates,
     times: &Times,
-    float: bool,
+    leaves: Leaves,
     body: &str,
 ) -> Option<Vec<u8>> {
-    let mut text = line(row, rates, float, TableFormat::Jsonl)?;
+    let mut text = line(row, rates, leaves, TableFormat::Jsonl)?;
     let mut more = Map::new();
     let mut add = |name: &str, value: Value| more.insert(name.to_owned(), value);
     add("body", body.into());
@@ -99,7 +128,6 @@ fn utc(time: SystemTime) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kurs::solution::Reason;
     use kurs::time::GpsTime;
     use std::time::{Duration, Instant, UNIX_EPOCH};
 
@@ -117,7 +145,7 @@ mod tests {
             row_out_utc: utc + Duration::from_millis(500),
             station_age_s: Some(1.5),
         };
-        let text = json_line(&row, &[None; 3], &times, false, "ferry \"Ada\"").unwrap();
+        let text = json_line(&row, &[None; 3], &times, Leaves::default(), "ferry \"Ada\"").unwrap();
         assert!(text.ends_with(b"}\n"));
         let value: Value = serde_json::from_slice(&text).unwrap();
         assert_eq!(value["status"], "lost");

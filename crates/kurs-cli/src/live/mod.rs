@@ -1,7 +1,9 @@
 //! `kurs live`: streams of receivers in, attitude out, until it is told to stop.
 
+mod companions;
 mod day_tables;
 mod messages;
+mod sensor_lines;
 mod setup;
 
 use std::path::PathBuf;

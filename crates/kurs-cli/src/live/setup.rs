@@ -15,17 +15,17 @@ use kurs_live::{Address, Finish, Input, MakeEngine, Output, Reloaded, STATION, S
 use nalgebra::Matrix3;
 
 use super::day_tables::DayTables;
-use super::messages;
+use super::{companions, messages};
 use crate::copies::Copies;
 use crate::failure::UsageError;
-use crate::solve::config::{Loaded, OutputTable};
+use crate::solve::config::{Loaded, OutputTable, Profile};
 use crate::solve::{self, phase_centers};
 use crate::summary::Summary;
 
 /// The service of a configuration.
 pub(super) fn setup(
     loaded: &Loaded,
-    mut tables: DayTables,
+    tables: DayTables,
     summary: Arc<Mutex<Summary>>,
     once: bool,
 ) -> anyhow::Result<Setup> {
@@ -40,12 +40,20 @@ pub(super) fn setup(
 
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
-    let outputs = loaded.config.output.iter().map(|output| self::output(output, &body));
+    let is_relative = |output: &&OutputTable| output.profile == Profile::Relative;
+    let of = |table: &OutputTable| output(table, &body);
+    let outputs = loaded.config.output.iter();
+    let relative = outputs.clone().filter(is_relative).map(of).collect::<Result<_, _>>()?;
+    let outputs = outputs.filter(|output| !is_relative(output)).map(of);
+    let tables = Arc::new(Mutex::new(tables));
+    let tables_of_peers = Arc::clone(&tables);
     Ok(Setup {
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
         navigation,
         make_engine: make_engine(loaded)?,
+        imu: companions::imu(loaded)?,
+        peers: companions::peers(loaded, &body, relative)?,
         finish: finish(),
         deadline: deadline(live.deadline_ms)?,
         station_max_age_s: station_max_age_s(loaded)?,
@@ -55,7 +63,12 @@ pub(super) fn setup(
             let mut summary = summary.lock().unwrap_or_else(PoisonError::into_inner);
             summary.add(row, row.shared_satellites >= 4);
             drop(summary);
+            let mut tables = tables.lock().unwrap_or_else(PoisonError::into_inner);
             tables.write(row).map_err(|error| format!("{error:#}"))
+        }),
+        write_relative: Box::new(move |row| {
+            let mut tables = tables_of_peers.lock().unwrap_or_else(PoisonError::into_inner);
+            tables.write_relative(row).map_err(|error| format!("{error:#}"))
         }),
         outputs: outputs.collect::<Result<_, _>>()?,
         gga: Box::new(messages::gga),
@@ -92,7 +105,7 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
         let antenna = (number, name.to_owned(), options);
         match inputs.iter_mut().find(|input| input.address == address) {
             Some(input) => input.antennas.push(antenna),
-            None => inputs.push(Input { address, antennas: vec![antenna] }),
+            None => inputs.push(Input { address, antennas: vec![antenna], lines: None }),
         }
         Ok(())
     };
@@ -107,6 +120,7 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
         let options = LogOptions { protocol, station, antenna, ..options };
         add(STATION, "station", s.stream.as_ref(), options)?;
     }
+    inputs.extend(companions::inputs(loaded)?);
     Ok(inputs)
 }
 
@@ -213,4 +227,116 @@ fn gga_of_place(geodetic: Geodetic, time: Option<GpsTime>) -> Option<String> {
         origin: PositionOrigin::Alone,
     });
     messages::gga(&row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::antenna_names;
+    use crate::solve::config::{Overrides, load};
+    use std::path::PathBuf;
+
+    /// Every table that a live configuration may have.
+    const EVERYTHING: &str = r#"
+[[antenna]]
+name = "A0"
+stream = "serial:///dev/ttyACM0?baud=460800"
+position_m = [0.0, 0.0, 0.0]
+[[antenna]]
+name = "A1"
+stream = "ntrip://me:secret@127.0.0.1:2101/MOUNT"
+position_m = [1.2, 0.0, 0.0]
+station_id = 7
+[live]
+body = "ferry"
+deadline_ms = 50
+page = "127.0.0.1:8080"
+peer_max_age_s = 1.5
+[station]
+stream = "tcp-listen://:5017"
+position_ecef_m = [3500000.0, 800000.0, 5200000.0]
+max_age_s = 10
+[imu]
+stream = "udp://:5018"
+columns = "time_s,gx_degps,gy_degps,gz_degps"
+interval_s = 0.1
+[antennas]
+correlation_s = 2.0
+[filter]
+gate_sigmas = 4.0
+[[output]]
+to = "tcp-listen://127.0.0.1:2947"
+profile = "marine"
+rate_hz = 10
+[[output]]
+to = "tcp://127.0.0.1:2948"
+profile = "relative"
+[[peer]]
+name = "barge"
+from = "tcp://127.0.0.1:7400"
+[log]
+dir = "logs"
+"#;
+
+    fn outcome(folder: &Path, text: &str) -> Result<(), String> {
+        let file: PathBuf = folder.join("live.toml");
+        std::fs::write(&file, text).unwrap();
+        let overrides = Overrides { is_live: true, ..Overrides::default() };
+        let loaded = load(Some(&file), &overrides).map_err(|error| error.to_string())?;
+        let summary = Arc::new(Mutex::new(Summary::new(antenna_names(&loaded))));
+        let tables = DayTables::new(folder, &loaded);
+        let made = setup(&loaded, tables, summary, false).map_err(|error| format!("{error:#}"))?;
+        assert!(made.inputs.len() >= 2 && made.antennas >= 2);
+        Ok(())
+    }
+
+    /// Bytes changed, lines left out, doubled and swapped, values in place of others: a service or an error
+    /// that has words.
+    #[test]
+    fn whatever_a_configuration_says_there_is_a_service_or_an_error_with_words() {
+        const MUTATIONS: usize = 1000;
+        const VALUES: [&str; 8] =
+            ["-1", "1e999", "nan", "\"\"", "[]", "{}", "\"tcp://h:1\"", "9223372036854775807"];
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(outcome(folder.path(), EVERYTHING), Ok(()));
+        // Knuth's multiplier: any sequence will do.
+        let mut state = 1u64;
+        let mut next = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            usize::try_from(state >> 33).unwrap() % below
+        };
+        let mut refused = 0;
+        for _ in 0..MUTATIONS {
+            let mut lines: Vec<String> = EVERYTHING.lines().map(str::to_owned).collect();
+            for _ in 0..=next(2) {
+                let (line, other) = (next(lines.len()), next(lines.len()));
+                match next(5) {
+                    0 => {
+                        lines.remove(line);
+                    }
+                    1 => lines.insert(other, lines[line].clone()),
+                    2 => lines.swap(line, other),
+                    3 => {
+                        let value = VALUES[next(VALUES.len())];
+                        if let Some((key, _)) = lines[line].split_once('=') {
+                            lines[line] = format!("{key}= {value}");
+                        }
+                    }
+                    _ => {
+                        let mut bytes = lines[line].clone().into_bytes();
+                        if !bytes.is_empty() {
+                            let place = next(bytes.len());
+                            bytes[place] = u8::try_from(32 + next(95)).unwrap();
+                        }
+                        lines[line] = String::from_utf8(bytes).unwrap();
+                    }
+                }
+            }
+            if let Err(error) = outcome(folder.path(), &lines.join("\n")) {
+                refused += 1;
+                assert!(error.split_whitespace().count() >= 3, "{error}");
+            }
+        }
+        assert!((MUTATIONS / 10..MUTATIONS).contains(&refused), "{refused}");
+    }
 }

@@ -20,6 +20,8 @@ use super::found_files::{FoundAntenna, FoundFiles};
 use super::origins::Origins;
 use crate::config_file;
 use crate::failure::UsageError;
+use crate::fuse::antennas::config::{AntennasConfig, FilterConfig};
+use crate::fuse::imu::ImuConfig;
 use crate::window::Window;
 
 /// The configuration as written.
@@ -44,6 +46,15 @@ pub(crate) struct Config {
     pub(crate) output: Vec<OutputTable>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) log: Option<LogTable>,
+    /// The inertial sensor, with the tables of `kurs fuse` that go with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) imu: Option<ImuConfig>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) antennas: Option<AntennasConfig>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) filter: Option<FilterTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) peer: Vec<PeerTable>,
     // What `kurs plan` is told in the same file.
     #[serde(default, rename = "plan", skip_serializing)]
     _plan: IgnoredAny,
@@ -215,6 +226,8 @@ pub(crate) struct LiveTable {
     /// All antennas have one clock: tags that differ are reported.
     #[serde(default)]
     pub(crate) common_clock: bool,
+    /// Until which age the attitude of another body serves, s.
+    pub(crate) peer_max_age_s: Option<f64>,
 }
 
 /// Where messages go.
@@ -227,6 +240,35 @@ pub(crate) struct OutputTable {
     /// Angles of float rows leave too.
     #[serde(default)]
     pub(crate) float: bool,
+    /// Angles that a gyro carried leave too.
+    #[serde(default)]
+    pub(crate) predicted: bool,
+}
+
+/// Another body.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PeerTable {
+    pub(crate) name: String,
+    /// Where its JSON lines come from.
+    pub(crate) from: String,
+}
+
+/// The filter of `kurs fuse`, for streams.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct FilterTable {
+    pub(crate) gate_sigmas: f64,
+    pub(crate) order_window_s: f64,
+    pub(crate) first_angle_sd_deg: f64,
+}
+
+impl Default for FilterTable {
+    /// That of `kurs fuse`, but that nothing waits for what is out of order: a stream has its order.
+    fn default() -> Self {
+        let FilterConfig { gate_sigmas, first_angle_sd_deg, .. } = FilterConfig::default();
+        Self { gate_sigmas, first_angle_sd_deg, order_window_s: 0.0 }
+    }
 }
 
 /// What messages look like.
@@ -241,6 +283,8 @@ pub(crate) enum Profile {
     Jsonl,
     /// The rows of `attitude.csv`.
     Csv,
+    /// Other bodies as seen from this one, as JSON lines.
+    Relative,
 }
 
 /// Raw logs of the streams.

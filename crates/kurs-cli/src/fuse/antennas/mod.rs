@@ -1,7 +1,7 @@
 //! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, or finds here with the filter's
 //! prediction, carried on by an inertial sensor.
 
-mod config;
+pub(crate) mod config;
 mod rows;
 mod solved_rows;
 mod source;
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::bail;
-use kurs::fusion::attitude::session::AttitudeSession;
+use kurs::fusion::attitude::feed::AttitudeFeed;
 
 use super::Args;
 use super::imu::Sensor;
@@ -48,10 +48,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let started = Instant::now();
     let watch = Watch::begin();
-    let mut session = AttitudeSession::new(settings);
-    let too_late = fuse(&mut session, &mut source, &mut sensor, &mut rows, &watch)?;
+    let mut feed = AttitudeFeed::new(settings, source.interval_s());
+    fuse(&mut feed, &mut source, &mut sensor, &mut rows, &watch)?;
+    let too_late = feed.too_late();
     if smooth {
-        rows.write_smoothed(session)?;
+        rows.write_smoothed(feed.into_session())?;
     }
     let (of_antennas, mut damage) = source.finish();
     damage.extend_from_slice(sensor.damage());
@@ -72,43 +73,45 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     bail!("no row has an attitude to start from: fixed or float with a standard deviation")
 }
 
-/// Feeds rows and samples to the session, whichever is behind; how many came too late.
+/// Gives rows and samples to the session, whichever is behind.
 fn fuse(
-    session: &mut AttitudeSession,
+    feed: &mut AttitudeFeed,
     source: &mut Source,
     sensor: &mut Sensor,
     rows: &mut Rows,
     watch: &Watch,
-) -> anyhow::Result<usize> {
-    let mut too_late = 0;
+) -> anyhow::Result<()> {
     let mut antennas = Span::default();
     let mut samples = Span::default();
     while let Some(time) = source.next_time()? {
         if watch.asks_to_end() {
             break;
         }
-        let time_s = session.seconds(time);
-        antennas.take(time_s);
-        while let Some((at_s, sample)) = sensor.next_before(time_s) {
-            samples.take(at_s);
-            too_late += usize::from(session.push_sample(at_s, sample).is_err());
-            while let Some(fused) = session.next_row() {
+        feed.learn_interval(source.interval_s());
+        antennas.take(feed.seconds(time));
+        // The prediction wants the sample after the epoch too.
+        while !feed.has_sample_after(time)
+            && let Some((tow_s, sample)) = sensor.next()
+        {
+            samples.take(tow_s);
+            feed.push_sample(tow_s, sample);
+            if let Some(sampled) = time.nearest_with_tow(tow_s) {
+                feed.pass(sampled.min(time));
+            }
+            while let Some(fused) = feed.next_row() {
                 rows.write(&fused)?;
             }
         }
-        too_late += usize::from(source.feed(session, sensor.peek()).is_err());
+        // What comes too late is counted.
+        let _ = source.feed(feed);
     }
-    // A little further: the sample that covers the last row; of an interrupted run not all that follow.
-    let end_s = if watch.was_interrupted() { antennas.last_s } else { f64::INFINITY };
-    while let Some((at_s, sample)) = sensor.next_before(end_s) {
-        samples.take(at_s);
-        too_late += usize::from(session.push_sample(at_s, sample).is_err());
-        while let Some(fused) = session.next_row() {
-            rows.write(&fused)?;
-        }
-    }
-    while let Some(fused) = session.last_row() {
+    // With the sample that covers the last row.
+    feed.take_rest();
+    while let Some(fused) = feed.last_row() {
         rows.write(&fused)?;
+    }
+    if !watch.was_interrupted() {
+        sensor.for_each(|(tow_s, _)| samples.take(tow_s));
     }
     if samples.last_s < antennas.first_s || antennas.last_s < samples.first_s {
         bail!(
@@ -116,7 +119,7 @@ fn fuse(
              GPS second of the week, [imu] time_offset_s is added to it"
         );
     }
-    Ok(too_late)
+    Ok(())
 }
 
 /// First and last of some times, s.

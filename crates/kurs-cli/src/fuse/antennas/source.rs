@@ -6,10 +6,10 @@ use std::vec::IntoIter;
 
 use anyhow::{Context, bail};
 use kurs::differential::Differential;
-use kurs::fusion::attitude::session::{AttitudeSession, ImuSample};
+use kurs::fusion::attitude::feed::AttitudeFeed;
 use kurs::fusion::time_order::TooLate;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::{EpochSolution, Reason};
+use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
 
 use super::config::{AntennasConfig, RowsFrom};
@@ -22,8 +22,6 @@ use crate::solve::{self, Input};
 use crate::summary::Damage;
 use crate::window::Window;
 
-/// Pauses of the antennas are filled with rows up to this length, s.
-const LONGEST_FILLED_S: f64 = 3600.0;
 /// Rows whose spacing says how often the antennas measure.
 const SPACINGS: usize = 200;
 
@@ -34,7 +32,6 @@ pub(super) struct Source {
     interval_s: Option<f64>,
     /// Read, but not yet taken.
     next: Option<Next>,
-    last: Option<GpsTime>,
     damage: Vec<Damage>,
 }
 
@@ -77,18 +74,22 @@ impl Source {
                 }
                 let interval_s = interval_s.or_else(|| usual_spacing(&rows));
                 let kind = Kind::Solved(rows.into_iter());
-                Ok(Self { kind, interval_s, next: None, last: None, damage })
+                Ok(Self { kind, interval_s, next: None, damage })
             }
             RowsFrom::Observations(file) => {
                 let (observed, damage) = Observed::open(&folder.join(file), window, quiet)?;
                 let kind = Kind::Observed(Box::new(observed));
-                Ok(Self { kind, interval_s, next: None, last: None, damage })
+                Ok(Self { kind, interval_s, next: None, damage })
             }
         }
     }
 
-    /// Time tag of the next row: of the antennas, or without a solution where they pause for longer
-    /// than one and a half intervals.
+    /// Rows at least so often, s, as far as that is known.
+    pub(super) const fn interval_s(&self) -> Option<f64> {
+        self.interval_s
+    }
+
+    /// Time tag of the next row.
     pub(super) fn next_time(&mut self) -> anyhow::Result<Option<GpsTime>> {
         if self.next.is_none() {
             self.next = match &mut self.kind {
@@ -101,41 +102,22 @@ impl Source {
                 }
             };
         }
-        Ok(self.next.as_ref().map(|next| self.filler(next.time()).unwrap_or(next.time())))
+        Ok(self.next.as_ref().map(Next::time))
     }
 
-    /// Gives that row to the session; `sample` is the first one after it.
-    pub(super) fn feed(
-        &mut self,
-        session: &mut AttitudeSession,
-        sample: Option<(f64, ImuSample)>,
-    ) -> Result<(), TooLate> {
-        let Some(next) = self.next.take() else { return Ok(()) };
-        if let Some(time) = self.filler(next.time()) {
-            self.next = Some(next);
-            self.last = Some(time);
-            return session.push_row(EpochSolution::lost(time, Reason::FewAntennas));
-        }
-        self.last = Some(next.time());
-        match (next, &mut self.kind) {
-            (Next::Row(row), _) => session.push_row(*row),
-            (Next::Epoch(_), Kind::Observed(chain)) => {
+    /// Gives that row to the session.
+    pub(super) fn feed(&mut self, feed: &mut AttitudeFeed) -> Result<(), TooLate> {
+        match (self.next.take(), &mut self.kind) {
+            (Some(Next::Row(row)), _) => feed.push_row(*row),
+            (Some(Next::Epoch(_)), Kind::Observed(chain)) => {
                 let news = chain.streams.news(&chain.epoch);
                 news.iter().for_each(|news| chain.engine.insert(news));
-                let row = session.solve(&chain.epoch, &mut chain.engine, sample);
+                let row = feed.solve(&chain.epoch, &mut chain.engine);
                 chain.progress.epoch(row.is_fixed(), || chain.streams.share());
-                session.push_row(row)
+                feed.push_row(row)
             }
-            (Next::Epoch(_), Kind::Solved(_)) => Ok(()),
+            _ => Ok(()),
         }
-    }
-
-    /// Time of a row to put in before one at `next`.
-    fn filler(&self, next: GpsTime) -> Option<GpsTime> {
-        let (last, interval_s) = (self.last?, self.interval_s.filter(|s| *s > 0.0)?);
-        let pause_s = next - last;
-        let fill = pause_s > 1.5 * interval_s && pause_s <= LONGEST_FILLED_S;
-        fill.then(|| last + interval_s)
     }
 
     /// Names of the antennas whose epochs are solved here; none if their attitudes are given.

@@ -92,8 +92,8 @@ pub struct CoastingHealth {
 /// A row that came in, with what the filter makes of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FusedRow {
-    /// `fixed` if a fixed attitude was used in it, otherwise `float`; as it came in while no filter
-    /// runs.
+    /// `fixed` if a fixed attitude was used in it, otherwise `float`, [`Reason::Predicted`] where none was; as
+    /// it came in while no filter runs.
     pub solution: EpochSolution,
     /// Health of the filter since the row before.
     pub health: CoastingHealth,
@@ -385,7 +385,12 @@ impl AttitudeSession {
             Outcome::Fixed { attitude } => {
                 Outcome::Float { attitude: Some(attitude), reason: Some(Reason::Residuals) }
             }
-            other => Outcome::Float { attitude: other.attitude().copied(), reason: other.reason() },
+            other => {
+                // What the prediction refused keeps its reason.
+                let refused = row.prediction() == Some(PredictionRole::Refused);
+                let reason = if used || refused { other.reason() } else { Some(Reason::Predicted) };
+                Outcome::Float { attitude: other.attitude().copied(), reason }
+            }
         };
         let made = Made {
             solution: EpochSolution { outcome, ..row },
