@@ -213,17 +213,10 @@ pub(super) fn positions_m(loaded: &Loaded) -> Vec<Vector<Body>> {
     known.unwrap_or_default().into_iter().map(|[x, y, z]| Vector::new(x, y, z)).collect()
 }
 
-/// An epoch of the station that is older than this is of no use unless more is asked for.
-const STATION_MAX_AGE_S: f64 = 10.0;
-
 /// Logs that are read as fast as possible have no order of arrival: only an epoch of the same time serves.
 fn station_max_age_s(loaded: &Loaded) -> Result<f64, UsageError> {
     let Some(station) = &loaded.config.station else { return Ok(0.0) };
-    let max_age_s = station.max_age_s.unwrap_or(STATION_MAX_AGE_S);
-    if !(0.0..=60.0).contains(&max_age_s) {
-        let text = format!("station.max_age_s is {max_age_s}, expected 0 to 60");
-        return Err(UsageError(text));
-    }
+    let max_age_s = station.max_age_s()?;
     let address = station.stream.as_ref().and_then(|stream| stream.parse::<Address>().ok());
     Ok(if address.is_some_and(|a| a.is_unpaced_file()) { 0.0 } else { max_age_s })
 }

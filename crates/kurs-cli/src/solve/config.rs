@@ -187,6 +187,23 @@ pub(crate) struct StationTable {
     pub(crate) antenna_id: Option<AntennaId>,
 }
 
+impl StationTable {
+    /// Until which age an epoch serves, s.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] if it is out of range.
+    pub(crate) fn max_age_s(&self) -> Result<f64, UsageError> {
+        /// An older epoch is of no use unless more is asked for.
+        const USUAL_S: f64 = 10.0;
+        let max_age_s = self.max_age_s.unwrap_or(USUAL_S);
+        if (0.0..=60.0).contains(&max_age_s) {
+            return Ok(max_age_s);
+        }
+        Err(UsageError(format!("station.max_age_s is {max_age_s}, expected 0 to 60")))
+    }
+}
+
 /// A further point of the body.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
