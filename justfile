@@ -35,5 +35,14 @@ figures:
     bench/attitude.sh > docs/experiments/attitude_methods.md
     cargo run --release -p kurs --example selection_experiments > docs/experiments/selection.md
 
+# the book: contents, links, every command of it
+book:
+    cargo build --release
+    tests/book/run
+
 deny:
-    cargo deny check
+    cargo deny check licenses bans sources
+
+# everything that is handed out, made and checked (docs/release.md)
+release-check:
+    release/check

@@ -70,14 +70,28 @@ def reading():
 
         found = []
         theirs = spent_s(lambda: found.append(georinex.load(file)), repeat=1)
-    grids = kurs.read_obs(file).to_xarray()
-    names = [name for name in found[0].data_vars if name in grids]
-    pairs = [(grids[name].sel(time=found[0].time, sv=found[0].sv).values, found[0][name].values) for name in names]
-    same = sum(np.count_nonzero(ours == theirs) for ours, theirs in pairs)
-    values = sum(np.count_nonzero(~np.isnan(theirs)) for _, theirs in pairs)
-    print(f"{same} of the {values} values that georinex has are the same")
+    compare_whole(kurs.read_obs(file).to_xarray(), found[0])
     size = file.stat().st_size / 1e6
     print(f"read_obs of {size:.1f} MB: {ours:.3f} s, as xarray {grid:.3f} s, georinex {theirs:.1f} s ({theirs / ours:.0f} times)")
+
+
+def compare_whole(ours, theirs):
+    """Every satellite, epoch and signal of either: counts of values that both have and are equal, differ, or one alone has."""
+    names = [name for name in theirs.data_vars if len(name) == 3 and name[0] in "CLDS"]
+    print(f"epochs {ours.sizes['time']} and {theirs.sizes['time']}, satellites {ours.sizes['sv']} and {theirs.sizes['sv']} (kurs and georinex)")
+    alike, different, only = 0, 0, {"kurs": 0, "georinex": 0}
+    times, satellites = np.union1d(ours.time, theirs.time), np.union1d(ours.sv, theirs.sv)
+    for name in sorted({*names, *(n for n in ours.data_vars if len(n) == 3 and n[0] in "CLDS")}):
+        grids = [
+            (table[name] if name in table else table[names[0]] * np.nan).reindex(time=times, sv=satellites).values
+            for table in (ours, theirs)
+        ]
+        has = [~np.isnan(grid) for grid in grids]
+        alike += np.count_nonzero(grids[0] == grids[1])
+        different += np.count_nonzero(has[0] & has[1] & (grids[0] != grids[1]))
+        only["kurs"] += np.count_nonzero(has[0] & ~has[1])
+        only["georinex"] += np.count_nonzero(has[1] & ~has[0])
+    print(f"{alike} values alike, {different} different, {only['kurs']} only by kurs, {only['georinex']} only by georinex")
 
 
 def memory_of_a_large_file():

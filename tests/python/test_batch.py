@@ -156,6 +156,9 @@ def test_parquet_is_one_data_set(manifest, tmp_path):
     data = ds.dataset(files, partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(tmp_path))
     rows = data.to_table(columns=["session", "status", "heading_deg"])
     assert len(set(rows["session"].to_pylist())) == SESSIONS - 1 and rows.num_rows > 400
+    # The program in the wheel does not write it itself, and says what would.
+    done = subprocess.run([KURS, "batch", manifest, "--out", tmp_path / "rust", "--format", "parquet"], capture_output=True, text=True)
+    assert done.returncode == 2 and "feature `parquet`" in done.stderr and not (tmp_path / "rust").exists()
 
 
 def test_files_of_other_file_systems(manifest, tmp_path):

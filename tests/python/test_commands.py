@@ -100,6 +100,22 @@ def test_tables_for_others(solution, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["attitude.parquet"]
 
 
+def test_tables_go_through_nanoarrow_too(solution, monkeypatch):
+    import polars as pl
+
+    class OnlyArrow:
+        """Polars takes a mapping column by column."""
+
+        __arrow_c_stream__ = solution.attitude.__arrow_c_stream__
+
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    frame = pl.DataFrame(OnlyArrow())
+    for name, column in solution.attitude.items():
+        missing = np.isnan(column) if column.dtype.kind == "f" else column == "" if column.dtype.kind == "U" else np.zeros(len(column), bool)
+        assert frame[name].is_null().to_list() == missing.tolist(), name
+        assert (frame[name].to_numpy()[~missing] == column[~missing]).all(), name
+
+
 def test_report_and_inspect_and_plan(solution, simulated, tmp_path):
     solution.report(tmp_path / "report.html")
     assert "<html" in (tmp_path / "report.html").read_text()[:400]

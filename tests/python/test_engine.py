@@ -1,11 +1,13 @@
 """Rows as they come: those of `kurs live` and `kurs solve`."""
 
 import csv
+import tomllib
+from pathlib import Path
 
 import kurs
 import numpy as np
 import pytest
-from conftest import command
+from conftest import SCENARIO, command
 
 
 def configuration(simulated, ending, more=""):
@@ -32,10 +34,10 @@ def assert_rows(rows, file):
                 assert found == field, name
 
 
-def live(config, out):
+def live(config, out, tables=("attitude", "baselines")):
     command("live", config, "--once", "--out", out)
     merged = {}
-    for name in ("attitude", "baselines"):
+    for name in tables:
         days = sorted(out.glob(f"*/{name}.csv"))
         lines = [line for day in days for line in day.read_text().splitlines()[1:]]
         merged[name] = out / f"{name}.csv"
@@ -82,6 +84,48 @@ def test_epochs_give_the_rows_of_solve(simulated):
             rows += engine.push(i, (week, rest / 1e9), epoch)
     rows += engine.flush()
     assert_rows(rows, solved.folder / "attitude.csv")
+
+
+STATION = """
+[station]
+name = "quay"
+place = { latitude_deg = 52.001, longitude_deg = 13.0, height_m = 95.0 }
+"""
+
+
+def test_rows_wait_for_the_station(tmp_path):
+    """Bytes of a station, in pieces of any size and behind the antennas: the rows of `kurs live`, coordinates relative to it."""
+    (tmp_path / "scenario.toml").write_text(SCENARIO.replace("duration_s = 20.0", "duration_s = 5.0") + STATION)
+    command("simulate", tmp_path / "scenario.toml", "--out", tmp_path / "made")
+    config = tomllib.loads((tmp_path / "made/kurs.toml").read_text())
+    x_m, y_m, z_m = config["station"]["position_ecef_m"]
+    name = Path(config["station"]["obs"][0]).stem
+    more = f"""
+[station]
+stream = "file://{tmp_path}/made/{name}.ubx?speed=0"
+position_ecef_m = [{x_m}, {y_m}, {z_m}]
+"""
+    (tmp_path / "live.toml").write_text(configuration(tmp_path / "made", "ubx", more))
+    wanted = live(tmp_path / "live.toml", tmp_path / "live", ("attitude", "baselines", "antennas"))
+
+    engine = kurs.Engine(tmp_path / "live.toml")
+    assert engine.antennas == ["A0", "A1", "station"]
+    files = {"A0": "A0", "A1": "A1", "station": name}
+    for antenna in ("A0", "A1"):
+        assert engine.push_bytes(antenna, (tmp_path / f"made/{antenna}.ubx").read_bytes()) == []
+    data = (tmp_path / f"made/{name}.ubx").read_bytes()
+    rows = [row for at in range(0, len(data), 1000) for row in engine.push_bytes("station", data[at : at + 1000])]
+    assert 20 < len(rows) <= 26, "an epoch leaves when the station has it"
+    rows += engine.flush()
+    assert_rows(rows, wanted["attitude"])
+    assert_rows([place for row in rows for place in row["by_code"]], wanted["antennas"])
+    assert sum(row["sd_north_m"] < 0.05 for row in rows if row["sd_north_m"]) > 10, "by phase"
+
+    # With a deadline nobody waits for it: its newest epoch serves.
+    engine = kurs.Engine(tmp_path / "live.toml", deadline_s=1e-6)
+    for antenna, file in reversed(files.items()):
+        rows = engine.push_bytes(antenna, (tmp_path / f"made/{file}.ubx").read_bytes())
+    assert any(row["by_code"] for row in rows)
 
 
 def test_an_epoch_leaves_by_its_deadline(simulated):

@@ -24,6 +24,7 @@ mod map_files;
 mod orient;
 mod output;
 mod page;
+mod parquet_files;
 mod pipe;
 mod plan;
 mod progress;

@@ -208,7 +208,11 @@ impl Tables {
 
 impl Tables<Vec<u8>> {
     /// Tables without files: CSV without header lines.
-    pub(crate) fn in_memory(antennas: Vec<String>, points: Vec<String>) -> Self {
+    pub(crate) fn in_memory(
+        antennas: Vec<String>,
+        points: Vec<String>,
+        with_antennas: bool,
+    ) -> Self {
         let table = |columns| Table::in_memory(TableFormat::Csv, columns);
         Self {
             attitude_table: AttitudeTable {
@@ -217,18 +221,22 @@ impl Tables<Vec<u8>> {
             },
             baseline_table: table(BASELINES),
             point_table: (!points.is_empty()).then(|| table(POINTS)),
-            antenna_table: None,
+            antenna_table: with_antennas.then(|| table(POINTS)),
             antennas,
             points,
         }
     }
 
-    /// The rows of `attitude`, `baselines` and `points` since the last call.
-    pub(crate) fn take_text(&mut self) -> [Vec<u8>; 3] {
+    /// The rows of `attitude`, `baselines`, `points` and `antennas` since the last call.
+    pub(crate) fn take_text(&mut self) -> [Vec<u8>; 4] {
+        let of = |table: &mut Option<Table<Vec<u8>>>| {
+            table.as_mut().map(Table::take_text).unwrap_or_default()
+        };
         [
             self.attitude_table.table.take_text(),
             self.baseline_table.take_text(),
-            self.point_table.as_mut().map(Table::take_text).unwrap_or_default(),
+            of(&mut self.point_table),
+            of(&mut self.antenna_table),
         ]
     }
 }

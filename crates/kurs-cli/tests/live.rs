@@ -470,7 +470,16 @@ fn what_is_wrong_in_a_configuration_is_named() {
         ([good, good], "[live]\ntoken_file = \"none\"\n", "live.token_file"),
         ([good, good], "[live]\npages = 1\n", "`pages`"),
         ([good, good], "[[output]]\nto = \"file://a\"\nprofile = \"csv\"\n", "tcp-listen://"),
-        ([good, good], "[[output]]\nto = \"udp://:1\"\nprofile = \"px5\"\n", "px5"),
+        (
+            [good, good],
+            "[[output]]\nto = \"udp://:1\"\nprofile = \"px5\"\n",
+            "ardupilot:mavlink, px4,",
+        ),
+        (
+            [good, good],
+            "[[output]]\nto = \"udp://:1\"\nprofile = \"marine\"\nfloat = true\n",
+            "profile `marine` has fixed angles alone",
+        ),
     ] {
         let file = folder.path().join("live.toml");
         fs::write(&file, configuration(lines, more)).unwrap();
@@ -480,6 +489,72 @@ fn what_is_wrong_in_a_configuration_is_named() {
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(part), "{part}: {said}");
     }
+}
+
+/// Numbers are those of the array in the axes of the reader; an array that does not suit is refused, by the service too.
+#[test]
+fn what_to_set_at_a_reader_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("live.toml");
+    let explain = |places: &[[f64; 3]], output: &str, word: &str| {
+        let antennas = places.iter().enumerate().map(|(k, place)| {
+            format!(
+                "[[antenna]]\nname = \"A{k}\"\nstream = \"udp://:{}\"\nposition_m = {place:?}\n",
+                k + 1
+            )
+        });
+        fs::write(&file, antennas.collect::<String>() + output).unwrap();
+        let output = kurs().arg("live").arg(&file).args(["--explain", word]).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let three = [[0.5, 0.0, 0.0], [-0.7, 0.0, -0.2], [0.5, 0.9, 0.0]];
+    let serial =
+        "[[output]]\nto = \"serial:///dev/ttyS9?baud=230400\"\nprofile = \"ardupilot:ubx\"\n";
+    for (word, parts) in [
+        // From A1, behind, to A0: forward is positive.
+        (
+            "ardupilot:ubx",
+            &[
+                "MB_OFS_X = 1.200",
+                "MB_OFS_Z = 0.200",
+                "230400 baud",
+                "at most 20 Hz",
+                "GPS1_TYPE = 18 (",
+            ][..],
+        ),
+        (
+            "px4",
+            &[
+                "No [[output]] has",
+                "from A0 to A1, 1.217 m",
+                "(-1.200, 0.000, -0.200)",
+                "GPS_YAW_OFFSET = 180.0",
+            ],
+        ),
+        ("ardupilot", &["GPS1_TYPE = 5", "0.50 m away from it"]),
+        ("ardupilot:mavlink", &["GPS1_TYPE = 14"]),
+        ("gpsd", &["gpspipe -w"]),
+        ("ros2", &["/kurs/imu"]),
+        ("jsonl", &["attitude.csv"]),
+    ] {
+        let (status, said, error) = explain(&three, serial, word);
+        assert_eq!(status, Some(0), "{word}: {error}");
+        parts.iter().for_each(|part| assert!(said.contains(part), "{word}, {part}: {said}"));
+    }
+    let (status, _, error) = explain(&three, "", "px5");
+    assert_eq!(status, Some(2));
+    assert!(error.contains("unknown profile `px5`, expected one of jsonl"), "{error}");
+    // A ship: the second antenna is 12 m away.
+    let long = [[0.0, 0.0, 0.0], [-12.0, 0.0, 0.0]];
+    let (status, _, error) = explain(&long, "", "px4");
+    assert_eq!(status, Some(2));
+    assert!(error.contains("less than 10 m away from the first"), "{error}");
+    assert_eq!(explain(&long, "", "ardupilot:ubx").0, Some(0));
+    fs::write(&file, fs::read_to_string(&file).unwrap() + &serial.replace("ardupilot:ubx", "px4"))
+        .unwrap();
+    let served = kurs().arg("live").arg(&file).arg("--out").arg(folder.path()).output().unwrap();
+    assert_eq!(served.status.code(), Some(2));
 }
 
 /// A caster that answers like this and then sends these bytes; it gives back what it was asked.
@@ -1329,7 +1404,7 @@ impl Gyro {
     fn start(tow_s: f64, speed: f64) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
-        let late_s = Arc::new(Mutex::new(0.0f64));
+        let late_s = Arc::new(Mutex::new(0.0_f64));
         let of_thread = late_s.clone();
         thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();

@@ -4,6 +4,8 @@
 //! the heading comes. Times are the nominal ones of the epochs, rounded to hundredths of a second. Only
 //! fixed rows have a heading; what is not known is an empty field, in the way of each sentence.
 
+mod proprietary;
+
 use std::fmt::Write as _;
 
 use kurs::solution::{AttitudeEstimate, EpochSolution, PositionEstimate, PositionOrigin};
@@ -26,9 +28,14 @@ pub enum Profile {
     /// roll into one of its reports. (gpsd 3.22 mixes HDT with the GST before it into an attitude that
     /// is not even JSON.)
     Gpsd,
-    /// The same and PASHR, the only one with the standard deviations of the angles. (On a port of gpsd
-    /// it stops the positions.)
+    /// The same as for plotters, PASHR, the only one with the standard deviations of the angles, and PTNL,AVR.
+    /// (On a port of gpsd PASHR stops the positions.)
     Survey,
+    /// For AgOpenGPS: PAOGI; without a roll GGA, VTG and, with a heading, HDT.
+    AgOpen,
+    /// For ArduPilot: GGA, RMC and, with a heading, KSXT. No sentence says that there is no heading: an
+    /// empty one was once taken for north.
+    ArduPilot,
 }
 
 /// Turns rows into sentences, in the order of time.
@@ -63,16 +70,7 @@ impl Encoder {
 /// Appends the sentences of an epoch whose angles change with these rates, for those who do not see
 /// every row; otherwise as [`Encoder::encode`].
 pub fn encode(profile: Profile, row: &EpochSolution, rates: AngleRates, text: &mut String) {
-    let epoch = Epoch::new(row, rates);
-    for body in [epoch.gga(), epoch.rmc(), epoch.vtg(), epoch.zda()] {
-        push(text, &body);
-    }
-    if profile == Profile::Gpsd {
-        return epoch.ptnthtm().iter().for_each(|body| push(text, body));
-    }
-    let survey = (profile == Profile::Survey).then(|| epoch.pashr());
-    let optional = [epoch.gst(), Some(epoch.hdt()), Some(epoch.rot()), epoch.xdr(), survey];
-    optional.iter().flatten().for_each(|body| push(text, body));
+    Epoch::new(row, rates).sentences(profile).iter().for_each(|body| push(text, body));
 }
 
 /// The position of an epoch alone, as casters want it.
@@ -88,6 +86,25 @@ impl<'a> Epoch<'a> {
         let utc = nominal(row.time).utc();
         let attitude = row.attitude().filter(|_| row.is_fixed()).copied();
         Self { row, utc, attitude, rates }
+    }
+
+    /// What a profile has, in this order.
+    fn sentences(&self, profile: Profile) -> Vec<String> {
+        let place = [Some(self.gga()), Some(self.rmc()), Some(self.vtg()), Some(self.zda())];
+        let turn = [self.gst(), Some(self.hdt()), Some(self.rot()), self.xdr()];
+        let all: &[&[Option<String>]] = match profile {
+            Profile::Marine => &[&place, &turn],
+            Profile::Gpsd => &[&place, &[self.ptnthtm()]],
+            Profile::Survey => &[&place, &turn, &[Some(self.pashr()), Some(self.ptnl_avr())]],
+            Profile::AgOpen => match self.paogi() {
+                Some(paogi) => return vec![paogi],
+                None => {
+                    &[&[self.degrees(0).map(|_| self.hdt()), Some(self.vtg()), Some(self.gga())]]
+                }
+            },
+            Profile::ArduPilot => &[&[Some(self.gga()), Some(self.rmc()), self.ksxt()]],
+        };
+        all.concat().into_iter().flatten().collect()
     }
 
     /// Position, quality and height above the sea.
@@ -178,41 +195,6 @@ impl<'a> Epoch<'a> {
             .filter_map(|(k, name)| Some(format!(",A,{:.3},D,{name}", self.degrees(*k)? + 0.0)));
         let fields: String = fields.collect();
         (!fields.is_empty()).then(|| format!("GNXDR{fields}"))
-    }
-
-    /// Heading, pitch and roll, each with N for normal, as far as they are known.
-    fn ptnthtm(&self) -> Option<String> {
-        let heading = angle(Some(self.degrees(0)?), 3, 360.0);
-        let tilt = |k: usize| {
-            self.degrees(k).map_or_else(|| ",".to_owned(), |v| format!("{:.3},N", v + 0.0))
-        };
-        Some(format!("PTNTHTM,{heading},N,{},{},,", tilt(1), tilt(2)))
-    }
-
-    /// Heading, roll, pitch and their standard deviations.
-    fn pashr(&self) -> String {
-        let signed =
-            |k: usize| self.degrees(k).map_or_else(String::new, |v| format!("{:+.3}", v + 0.0));
-        let sd = |k: usize| {
-            let attitude = self.attitude.filter(|a| a.angles_rad()[k].is_some());
-            number(attitude.map(|a| a.covariance_rad2[(k, k)].sqrt().to_degrees()), 3)
-        };
-        // 0 no position, 1 of the receiver alone, 2 by carrier phase
-        let quality = match self.row.position.map(|position| position.origin) {
-            None => 0,
-            Some(PositionOrigin::StationPhase) => 2,
-            Some(PositionOrigin::Alone | PositionOrigin::StationCode) => 1,
-        };
-        format!(
-            "PASHR,{},{},T,{},{},,{},{},{},{quality},0",
-            clock(&self.utc),
-            angle(self.degrees(0), 3, 360.0),
-            signed(2),
-            signed(1),
-            sd(2),
-            sd(1),
-            sd(0),
-        )
     }
 
     /// Heading, pitch or roll of a fixed row.
@@ -376,6 +358,7 @@ mod tests {
             "$GNHDT,,T",
             "$GNROT,,V",
             "$PASHR,000000.00,,T,,,,,,,0,0",
+            "$PTNL,AVR,000000.00,,,,,,,,0,,0",
         ];
         assert_eq!(found, expected);
         let found = sentences(&mut Encoder::new(Profile::Gpsd), &lost);

@@ -117,6 +117,15 @@ impl Address {
         matches!(self, Self::File { speed, .. } if *speed == 0.0)
     }
 
+    /// Bits a second of the line; of what is no line, those of receivers.
+    #[must_use]
+    pub const fn baud(&self) -> u32 {
+        match self {
+            Self::Serial { baud, .. } => *baud,
+            _ => BAUD,
+        }
+    }
+
     /// The address with a path of a file made absolute by `absolute`.
     #[must_use]
     pub fn with_path(self, absolute: impl FnOnce(PathBuf) -> PathBuf) -> Self {

@@ -29,6 +29,7 @@ mod lines;
 mod ntrip;
 mod output;
 mod peer;
+mod profile;
 mod record;
 mod relative;
 mod service;
@@ -41,8 +42,9 @@ pub use imu::{Imu, ReadSamples, SampleLines};
 pub use input::{Input, STATION};
 pub use lines::Lines;
 pub use ntrip::body_of_answer;
-pub use output::{Encode, Output};
+pub use output::{Encode, Output, Partner};
 pub use peer::{EncodeRelative, PeerSetup, RelativeRow, body_state};
+pub use profile::Profile;
 pub use record::gps_time;
 pub use relative::{BodyState, Relative, RelativeSettings, relative};
 pub use service::{

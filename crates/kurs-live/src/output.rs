@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
 use kurs::turn_rate::AngleRates;
+use kurs_formats::ubx::Conversation;
 use serial2_tokio::SerialPort;
-use tokio::io::{AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream, UdpSocket, lookup_host};
 use tokio::sync::broadcast::{self, error::RecvError};
 use tokio::time::timeout;
@@ -34,6 +35,15 @@ const RATE_TOLERANCE_S: f64 = 0.002;
 /// nothing to say.
 pub type Encode = Arc<dyn Fn(&EpochSolution, &AngleRates, &Times) -> Option<Vec<u8>> + Send + Sync>;
 
+/// What the other end of a connection hears besides messages.
+#[derive(Debug, Clone, Default)]
+pub struct Partner {
+    /// First.
+    pub greeting: Vec<u8>,
+    /// Answers to what it says; what it says is not read otherwise.
+    pub conversation: Option<Conversation>,
+}
+
 /// An output as configured.
 #[derive(Clone)]
 pub struct Output {
@@ -43,6 +53,8 @@ pub struct Output {
     pub rate_hz: Option<f64>,
     /// What goes there.
     pub encode: Encode,
+    /// Who is there: of connections and serial ports. Datagrams have no answers.
+    pub partner: Partner,
 }
 
 /// A message on its way.
@@ -97,17 +109,20 @@ impl Sink {
 /// Starts an output.
 pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
     let (sender, receiver) = broadcast::channel(QUEUE);
-    let Output { address, rate_hz, encode } = output;
+    let Output { address, rate_hz, encode, partner } = output;
     let sink = Sink { rate_hz, encode, sender: sender.clone(), last_period: None };
     tokio::spawn(async move {
         match address {
             Address::TcpListen { at } => {
                 drop(receiver);
-                serve(&at, sender, status).await;
+                serve(&at, sender, &partner, status).await;
             }
-            Address::Tcp { to } => send_for_ever(receiver, &status, || connect(&to)).await,
+            Address::Tcp { to } => {
+                send_for_ever(receiver, &partner, &status, || connect(&to)).await;
+            }
             Address::Serial { path, baud } => {
-                send_for_ever(receiver, &status, || async { SerialPort::open(&path, baud) }).await;
+                let open = || async { SerialPort::open(&path, baud) };
+                send_for_ever(receiver, &partner, &status, open).await;
             }
             Address::Udp { at } => send_datagrams(&at, receiver, &status).await,
             Address::Ntrip(_) | Address::File { .. } => {}
@@ -122,7 +137,12 @@ async fn connect(to: &str) -> std::io::Result<TcpStream> {
     Ok(stream)
 }
 
-async fn serve(at: &str, sender: broadcast::Sender<Message>, status: Arc<Status>) {
+async fn serve(
+    at: &str,
+    sender: broadcast::Sender<Message>,
+    partner: &Partner,
+    status: Arc<Status>,
+) {
     let mut back_off = BackOff::of_own();
     loop {
         match listen(at).await {
@@ -134,19 +154,11 @@ async fn serve(at: &str, sender: broadcast::Sender<Message>, status: Arc<Status>
                 }
                 status.clients.fetch_add(1, Relaxed);
                 let (receiver, status) = (sender.subscribe(), Arc::clone(&status));
+                let partner = partner.clone();
                 tokio::spawn(async move {
-                    // A client that closes is noticed at once, one that does not read by the time.
-                    let (mut reading, writing) = stream.into_split();
-                    let closed = async {
-                        let mut ignored = [0; 256];
-                        while matches!(reading.read(&mut ignored).await, Ok(1..)) {}
-                    };
-                    tokio::select! {
-                        () = closed => {}
-                        outcome = send_all(writing, receiver, &status) => {
-                            status.clients_dropped.fetch_add(1, Relaxed);
-                            tracing::info!(%peer, "client dropped: {outcome}");
-                        }
+                    if let Ended::Broken(what) = talk(stream, receiver, partner, &status).await {
+                        status.clients_dropped.fetch_add(1, Relaxed);
+                        tracing::info!(%peer, "client dropped: {what}");
                     }
                     status.clients.fetch_sub(1, Relaxed);
                 });
@@ -167,43 +179,74 @@ async fn listen(at: &str) -> std::io::Result<tokio::net::TcpListener> {
     socket.listen(128)
 }
 
-/// Sends what comes until that fails; returns why.
-async fn send_all(
-    mut stream: impl AsyncWrite + Unpin,
+/// How a connection ended.
+enum Ended {
+    /// The other end closed it.
+    Closed,
+    /// Something failed, or the service stops.
+    Broken(String),
+}
+
+/// Sends what comes, and answers, until the other end closes or that fails.
+async fn talk(
+    stream: impl AsyncRead + AsyncWrite,
     mut receiver: broadcast::Receiver<Message>,
+    Partner { greeting, mut conversation }: Partner,
     status: &Status,
-) -> String {
+) -> Ended {
+    let (mut reading, mut writing) = tokio::io::split(stream);
+    let mut heard = [0; 1024];
+    if let Err(what) = write(&mut writing, &greeting).await {
+        return Ended::Broken(what);
+    }
     loop {
-        let message = match receiver.recv().await {
-            Ok(message) => message,
-            Err(RecvError::Lagged(count)) => {
-                status.expired.fetch_add(count, Relaxed);
-                continue;
-            }
-            Err(RecvError::Closed) => {
-                let _ = stream.shutdown().await;
-                return "the service stops".into();
-            }
+        // A client that closes is noticed at once, one that does not read by the time.
+        let written = tokio::select! {
+            read = reading.read(&mut heard) => match (read, &mut conversation) {
+                (Ok(0) | Err(_), _) => return Ended::Closed,
+                (Ok(_), None) => Ok(()),
+                (Ok(count), Some(conversation)) => {
+                    write(&mut writing, &conversation.answer(&heard[..count])).await
+                }
+            },
+            message = receiver.recv() => match message {
+                Ok(message) if message.expires.is_some_and(|expires| Instant::now() > expires) => {
+                    status.expired.fetch_add(1, Relaxed);
+                    Ok(())
+                }
+                Ok(message) => write(&mut writing, &message.bytes).await,
+                Err(RecvError::Lagged(count)) => {
+                    status.expired.fetch_add(count, Relaxed);
+                    Ok(())
+                }
+                Err(RecvError::Closed) => {
+                    let _ = writing.shutdown().await;
+                    Err("the service stops".into())
+                }
+            },
         };
-        if message.expires.is_some_and(|expires| Instant::now() > expires) {
-            status.expired.fetch_add(1, Relaxed);
-            continue;
-        }
-        let writing = async {
-            stream.write_all(&message.bytes).await?;
-            stream.flush().await
-        };
-        match timeout(WRITE_TIMEOUT, writing).await {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return error.to_string(),
-            Err(_) => return format!("took nothing for {} s", WRITE_TIMEOUT.as_secs()),
+        if let Err(what) = written {
+            return Ended::Broken(what);
         }
     }
 }
 
+/// Writes all of it, soon; the error says why not.
+async fn write(writing: &mut (impl AsyncWrite + Unpin), bytes: &[u8]) -> Result<(), String> {
+    let all = async {
+        writing.write_all(bytes).await?;
+        writing.flush().await
+    };
+    match timeout(WRITE_TIMEOUT, all).await {
+        Ok(written) => written.map_err(|error| error.to_string()),
+        Err(_) => Err(format!("took nothing for {} s", WRITE_TIMEOUT.as_secs())),
+    }
+}
+
 /// Makes a connection again whenever it breaks; what comes meanwhile is gone.
-async fn send_for_ever<S: AsyncWrite + Unpin, F: Future<Output = std::io::Result<S>>>(
+async fn send_for_ever<S: AsyncRead + AsyncWrite, F: Future<Output = std::io::Result<S>>>(
     receiver: broadcast::Receiver<Message>,
+    partner: &Partner,
     status: &Status,
     connect: impl Fn() -> F,
 ) {
@@ -212,11 +255,14 @@ async fn send_for_ever<S: AsyncWrite + Unpin, F: Future<Output = std::io::Result
         match connect().await {
             Ok(stream) => {
                 back_off.reset();
-                let outcome = send_all(stream, receiver.resubscribe(), status).await;
+                let outcome = talk(stream, receiver.resubscribe(), partner.clone(), status).await;
                 if receiver.is_closed() {
                     return;
                 }
-                tracing::warn!("output broke: {outcome}");
+                match outcome {
+                    Ended::Closed => tracing::warn!("output was closed by the other end"),
+                    Ended::Broken(what) => tracing::warn!("output broke: {what}"),
+                }
             }
             Err(error) => tracing::warn!("output cannot be opened: {error}"),
         }

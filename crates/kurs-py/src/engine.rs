@@ -16,8 +16,8 @@ use crate::files::Navigation;
 /// One observation: satellite, signal, pseudorange (m), phase (cycles), Doppler (Hz), C/N0 (dB-Hz), lock.
 type PlainObservation = (String, String, f64, f64, f64, f64, u8);
 
-/// CSV lines of `attitude`, `baselines` and `points`.
-type Lines = (String, String, String);
+/// CSV lines of `attitude`, `baselines`, `points` and `antennas`.
+type Lines = (String, String, String, String);
 
 /// The engine of a configuration; its clock is the time since it was made.
 #[pyclass(frozen, module = "kurs._native")]
@@ -39,7 +39,7 @@ impl NativeEngine {
         });
         let rows = rows.map_err(errors::of_command)?;
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
-        Ok((text(rows.attitude), text(rows.baselines), text(rows.points)))
+        Ok((text(rows.attitude), text(rows.baselines), text(rows.points), text(rows.by_code)))
     }
 }
 
@@ -57,15 +57,16 @@ impl NativeEngine {
         Ok(Self { engine, began: Instant::now() })
     }
 
-    /// Names of the columns of the three tables.
+    /// Names of the columns of the four tables.
     #[staticmethod]
-    fn columns() -> [Vec<&'static str>; 3] {
+    fn columns() -> [Vec<&'static str>; 4] {
         Rows::COLUMNS.map(<[_]>::to_vec)
     }
 
-    fn antennas(&self) -> Vec<String> {
+    /// Names of the antennas, and of the station behind them.
+    fn sources(&self) -> Vec<String> {
         let engine = self.engine.lock().unwrap_or_else(PoisonError::into_inner);
-        engine.antennas().map(str::to_owned).collect()
+        engine.sources().map(str::to_owned).collect()
     }
 
     fn insert(&self, py: Python<'_>, navigation: &Bound<'_, Navigation>) -> PyResult<Lines> {

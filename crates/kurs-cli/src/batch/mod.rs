@@ -76,6 +76,7 @@ fn shard(text: &str) -> Result<Shard, String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    Format::check(&args.format)?;
     let manifest = Manifest::read(&args.manifest)?;
     if args.merge {
         return Ok(close(args, &status::merge(&manifest, &args.out)?));

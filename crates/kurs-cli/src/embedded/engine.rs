@@ -1,6 +1,7 @@
 //! The engine of a configuration, to which observations come one by one: as `kurs live` solves, without
 //! streams and without a clock of its own.
 
+use std::collections::VecDeque;
 use std::path::Path;
 
 use kurs::differential::Differential;
@@ -13,6 +14,7 @@ use kurs_formats::source::{ReadError, Source};
 
 use super::Failure;
 use super::decoder::{ByteDecoder, Decoded};
+use super::station::StationEpochs;
 use crate::copies::Copies;
 use crate::failure::UsageError;
 use crate::live::navigation_files;
@@ -29,20 +31,26 @@ pub struct Rows {
     pub baselines: Vec<u8>,
     /// Of `points.csv`.
     pub points: Vec<u8>,
+    /// Of `antennas.csv`: coordinates by code differences to a station.
+    pub by_code: Vec<u8>,
 }
 
 impl Rows {
-    /// The columns of the three tables.
-    pub const COLUMNS: [&[&str]; 3] = [ATTITUDE, BASELINES, POINTS];
+    /// The columns of the four tables.
+    pub const COLUMNS: [&[&str]; 4] = [ATTITUDE, BASELINES, POINTS, POINTS];
 }
 
 /// See the module.
 #[derive(Debug)]
 pub struct EmbeddedEngine {
-    antennas: Vec<(String, LogOptions)>,
+    /// Name of each antenna, and of the station behind them, and how its bytes are read.
+    sources: Vec<(String, LogOptions)>,
     decoders: Vec<Option<ByteDecoder>>,
     received: AsReceived,
     matcher: Matcher,
+    /// Of the antennas; rows that wait for the station.
+    matched: VecDeque<ArrayEpoch>,
+    station: Option<StationEpochs>,
     engine: Differential,
     copies: Copies,
     tables: Tables<Vec<u8>>,
@@ -51,7 +59,8 @@ pub struct EmbeddedEngine {
 impl EmbeddedEngine {
     /// The engine of a configuration file with keys set as by `--set`; its observation files, if it names
     /// any, are not read. With `deadline_s` an epoch goes that long after its first antenna came, by the times
-    /// that the caller passes in.
+    /// that the caller passes in, with the newest epoch of the station (`max_age_s`); without it every row waits for
+    /// the station's epoch of its time.
     ///
     /// # Errors
     ///
@@ -79,20 +88,31 @@ impl EmbeddedEngine {
             }
         };
         let points = loaded.config.point.iter().map(|point| point.name.clone()).collect();
+        let sources = sources(&loaded, known_time);
+        let station = match &loaded.config.station {
+            Some(table) => {
+                let max_age_s = table.max_age_s()?;
+                Some(StationEpochs::new(deadline_s.map(|_| max_age_s)))
+            }
+            None => None,
+        };
         Ok(Self {
-            antennas: antennas(&loaded, known_time),
-            decoders: names.iter().map(|_| None).collect(),
+            decoders: sources.iter().map(|_| None).collect(),
+            sources,
             received: AsReceived::new(names.len()),
             matcher,
+            matched: VecDeque::new(),
+            tables: Tables::in_memory(names, points, station.is_some()),
+            station,
             engine,
             copies: Copies::default(),
-            tables: Tables::in_memory(names, points),
         })
     }
 
-    /// Names of the antennas, in the order of the configuration.
-    pub fn antennas(&self) -> impl Iterator<Item = &str> {
-        self.antennas.iter().map(|(name, _)| name.as_str())
+    /// Names of the antennas, in the order of the configuration; behind them `station` if there is one. Their places are
+    /// the numbers that [`EmbeddedEngine::push`] wants.
+    pub fn sources(&self) -> impl Iterator<Item = &str> {
+        self.sources.iter().map(|(name, _)| name.as_str())
     }
 
     /// Takes navigation data that count from now on.
@@ -115,7 +135,7 @@ impl EmbeddedEngine {
         Ok(())
     }
 
-    /// Takes an epoch of one antenna that came at `now_s`, by any clock that does not go back.
+    /// Takes an epoch of one antenna or the station that came at `now_s`, by any clock that does not go back.
     ///
     /// # Errors
     ///
@@ -140,7 +160,7 @@ impl EmbeddedEngine {
         bytes: &[u8],
         now_s: f64,
     ) -> Result<Rows, Failure> {
-        let (name, options) = &self.antennas[antenna];
+        let (name, options) = &self.sources[antenna];
         let decoder = self.decoders[antenna].get_or_insert_with(|| ByteDecoder::new(name, options));
         let (decoded, error) = decoder.push(bytes);
         if error.is_some() {
@@ -158,6 +178,9 @@ impl EmbeddedEngine {
     /// As [`EmbeddedEngine::push`].
     pub fn poll(&mut self, now_s: f64) -> Result<Rows, Failure> {
         while let Some(epoch) = self.matcher.poll(now_s) {
+            self.matched.push_back(epoch);
+        }
+        while let Some(epoch) = self.next_ready() {
             self.solve(epoch)?;
         }
         Ok(self.rows())
@@ -172,31 +195,45 @@ impl EmbeddedEngine {
         for antenna in 0..self.decoders.len() {
             if let Some(decoder) = self.decoders[antenna].take() {
                 let (decoded, _) = decoder.finish();
-                self.enter(antenna, decoded, now_s)?;
+                self.enter(antenna, decoded, now_s);
             }
         }
         while let Some(epoch) = self.matcher.flush(now_s) {
+            self.matched.push_back(epoch);
+        }
+        while let Some(epoch) = self.matched.pop_front() {
             self.solve(epoch)?;
         }
         Ok(self.rows())
     }
 
     fn take(&mut self, antenna: usize, decoded: Vec<Decoded>, now_s: f64) -> Result<Rows, Failure> {
-        self.enter(antenna, decoded, now_s)?;
+        self.enter(antenna, decoded, now_s);
         self.poll(now_s)
     }
 
-    fn enter(&mut self, antenna: usize, decoded: Vec<Decoded>, now_s: f64) -> Result<(), Failure> {
+    fn enter(&mut self, antenna: usize, decoded: Vec<Decoded>, now_s: f64) {
         for (epoch, news) in decoded {
             self.received.hold(antenna, epoch.time, news);
-            if let Some(complete) = self.matcher.push(antenna, epoch, now_s) {
-                self.solve(complete)?;
+            match &mut self.station {
+                Some(station) if antenna + 1 == self.sources.len() => station.push(epoch),
+                _ => self.matched.extend(self.matcher.push(antenna, epoch, now_s)),
             }
         }
-        Ok(())
     }
 
-    fn solve(&mut self, epoch: ArrayEpoch) -> Result<(), Failure> {
+    /// The next epoch that has nothing to wait for.
+    fn next_ready(&mut self) -> Option<ArrayEpoch> {
+        let (station, window_s) = (self.station.as_ref(), self.matcher.window_s());
+        let is_ready = |epoch: &mut ArrayEpoch| {
+            station.is_none_or(|station| station.is_ready(epoch.time, window_s))
+        };
+        self.matched.pop_front_if(is_ready)
+    }
+
+    fn solve(&mut self, mut epoch: ArrayEpoch) -> Result<(), Failure> {
+        let (time, window_s) = (epoch.time, self.matcher.window_s());
+        epoch.station = self.station.as_mut().and_then(|station| station.at(time, window_s));
         for news in self.received.release(&epoch) {
             self.engine.insert(&news);
         }
@@ -208,18 +245,22 @@ impl EmbeddedEngine {
     }
 
     fn rows(&mut self) -> Rows {
-        let [attitude, baselines, points] = self.tables.take_text();
-        Rows { attitude, baselines, points }
+        let [attitude, baselines, points, by_code] = self.tables.take_text();
+        Rows { attitude, baselines, points, by_code }
     }
 }
 
-/// Name of each antenna and how its bytes are read.
-fn antennas(loaded: &Loaded, known_time: Option<GpsTime>) -> Vec<(String, LogOptions)> {
+/// Name of each antenna, and of the station, and how its bytes are read.
+fn sources(loaded: &Loaded, known_time: Option<GpsTime>) -> Vec<(String, LogOptions)> {
     let approximate_time = known_time.or(loaded.approximate_time());
     let options = LogOptions { approximate_time, as_received: true, ..LogOptions::default() };
     let antennas = loaded.config.antenna.iter().map(|a| {
         let (protocol, station, antenna) = (a.protocol, a.station_id, a.antenna_id);
         (a.name.clone(), LogOptions { protocol, station, antenna, ..options })
     });
-    antennas.collect()
+    let station = loaded.config.station.iter().map(|s| {
+        let (protocol, station, antenna) = (s.protocol, s.station_id, s.antenna_id);
+        ("station".to_owned(), LogOptions { protocol, station, antenna, ..options })
+    });
+    antennas.chain(station).collect()
 }

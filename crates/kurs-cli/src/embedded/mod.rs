@@ -1,8 +1,10 @@
 //! What programs call that have Kurs inside their process: the commands, with errors that come back to the
 //! caller, and the engine of a configuration, to which observations come one by one.
 
+mod column;
 mod decoder;
 mod engine;
+mod station;
 
 use std::ffi::OsString;
 
@@ -11,6 +13,7 @@ use clap::Parser;
 use crate::failure::{UsageError, told};
 use crate::{Cli, interrupt};
 
+pub use column::Column;
 pub use engine::{EmbeddedEngine, Rows};
 
 /// Why a command ended without a result, in the words of the command line.

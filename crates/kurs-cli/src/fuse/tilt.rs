@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
     let mut tilt: Option<Tilt> = None;
     let (mut rows, mut left_out) = (0u64, 0u64);
-    while let Some((time_s, sample)) = sensor.next() {
+    for (time_s, sample) in sensor.by_ref() {
         let shown = sample.specific_force_mps2.map(|force| shown_by_gravity(&force.xyz()));
         let Some(now) = &mut tilt else {
             tilt = shown.map(|angles| Tilt::new(&config.tilt, smoothing, angles, time_s));

@@ -9,33 +9,27 @@ use kurs_formats::nmea;
 use kurs_live::{Encode, RelativeRow, Times, gps_time};
 use serde_json::{Map, Value};
 
-use crate::solve::config::{OutputTable, Profile};
 use crate::table::{Table, TableFormat};
 use crate::tables::{self, ATTITUDE, RELATIVE, TimeColumns};
 
-/// The encoder of an output.
-pub(super) fn encoder(output: &OutputTable, body: &str) -> Encode {
-    let leaves = Leaves { float: output.float, predicted: output.predicted };
+/// The rows of `attitude.csv`.
+pub(super) fn csv(leaves: Leaves) -> Encode {
+    Arc::new(move |row, rates, _| line(row, rates, leaves, TableFormat::Csv))
+}
+
+/// The same as JSON lines, with the times of the message and whose it is.
+pub(super) fn json_lines(leaves: Leaves, body: &str) -> Encode {
     let body = body.to_owned();
-    match output.profile {
-        Profile::Marine => sentences(nmea::Profile::Marine),
-        Profile::Gpsd => sentences(nmea::Profile::Gpsd),
-        Profile::Csv => Arc::new(move |row, rates, _| line(row, rates, leaves, TableFormat::Csv)),
-        // Other bodies have an encoder of their own.
-        Profile::Relative => Arc::new(|_, _, _| None),
-        Profile::Jsonl => {
-            Arc::new(move |row, rates, times| json_line(row, rates, times, leaves, &body))
-        }
-    }
+    Arc::new(move |row, rates, times| json_line(row, rates, times, leaves, &body))
 }
 
 /// Which rows without a fix leave with their angles.
 #[derive(Debug, Clone, Copy, Default)]
-struct Leaves {
+pub(super) struct Leaves {
     /// Real-valued ambiguities.
-    float: bool,
+    pub(super) float: bool,
     /// Carried by a gyro.
-    predicted: bool,
+    pub(super) predicted: bool,
 }
 
 impl Leaves {
@@ -54,14 +48,6 @@ pub(super) fn relative_line(row: &RelativeRow) -> Option<Vec<u8>> {
     let mut table = Table::in_memory(TableFormat::Jsonl, RELATIVE);
     tables::write_relative(&mut table, row).ok()?;
     Some(table.into_text())
-}
-
-fn sentences(profile: nmea::Profile) -> Encode {
-    Arc::new(move |row, rates, _| {
-        let mut text = String::new();
-        nmea::encode(profile, row, *rates, &mut text);
-        Some(text.into_bytes())
-    })
 }
 
 /// The position as a GGA sentence.

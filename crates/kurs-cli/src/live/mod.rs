@@ -2,6 +2,7 @@
 
 mod companions;
 mod day_tables;
+mod explain;
 mod messages;
 mod sensor_lines;
 mod setup;
@@ -33,6 +34,9 @@ pub(crate) struct Args {
     /// Ends when every stream has ended, with summary.json.
     #[arg(long)]
     once: bool,
+    /// Prints what to set at the reader of a profile, for this array, and ends.
+    #[arg(long, value_name = "PROFILE")]
+    explain: Option<String>,
     /// Sets a key of the table `solve`, or `table.key`.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -46,14 +50,18 @@ pub(crate) struct Args {
 impl Args {
     /// Runs a configuration until its streams have ended.
     pub(crate) fn of_demonstration(config: PathBuf, out: PathBuf, quiet: bool) -> Self {
-        let (set, required_fix) = (Vec::new(), RequiredFix::default());
-        Self { config, out, once: true, set, required_fix, quiet }
+        let (explain, set, required_fix) = (None, Vec::new(), RequiredFix::default());
+        Self { config, out, once: true, explain, set, required_fix, quiet }
     }
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = args.load()?;
+    if let Some(word) = &args.explain {
+        print!("{}", explain::explain(word, &loaded)?);
+        return Ok(ExitCode::SUCCESS);
+    }
     let level = if args.quiet { tracing::Level::WARN } else { tracing::Level::INFO };
     // A second service in one process keeps the subscriber of the first.
     let _ = tracing_subscriber::fmt()

@@ -5,20 +5,23 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use kurs::ephemeris::NavigationData;
-use kurs::frames::Geodetic;
+use kurs::frames::{Body, Geodetic, Vector};
 use kurs::observation::matcher::Deadline;
 use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin, Reason};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::source::Source;
-use kurs_live::{Address, Finish, Input, MakeEngine, Output, Reloaded, STATION, Setup};
+use kurs_live::{
+    Address, Encode, Finish, Input, MakeEngine, Output, Partner, Reloaded, STATION, Setup,
+};
 use nalgebra::Matrix3;
 
 use super::day_tables::DayTables;
+use super::messages::Leaves;
 use super::{companions, messages};
 use crate::copies::Copies;
 use crate::failure::UsageError;
-use crate::solve::config::{Loaded, OutputTable, Profile};
+use crate::solve::config::{Loaded, OutputProfile, OutputTable};
 use crate::solve::{self, phase_centers};
 use crate::summary::Summary;
 
@@ -40,8 +43,8 @@ pub(super) fn setup(
 
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
-    let is_relative = |output: &&OutputTable| output.profile == Profile::Relative;
-    let of = |table: &OutputTable| output(table, &body);
+    let is_relative = |output: &&OutputTable| output.profile == OutputProfile::Relative;
+    let of = |table: &OutputTable| output(table, &body, loaded);
     let outputs = loaded.config.output.iter();
     let relative = outputs.clone().filter(is_relative).map(of).collect::<Result<_, _>>()?;
     let outputs = outputs.filter(|output| !is_relative(output)).map(of);
@@ -164,7 +167,7 @@ fn deadline(milliseconds: Option<f64>) -> Result<Deadline, UsageError> {
     }
 }
 
-fn output(output: &OutputTable, body: &str) -> Result<Output, UsageError> {
+fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, UsageError> {
     let wrong = |what: String| UsageError(format!("output `{}`: {what}", output.to));
     let address: Address = output.to.parse().map_err(|error| wrong(format!("{error}")))?;
     if matches!(address, Address::Ntrip(_) | Address::File { .. }) {
@@ -175,21 +178,45 @@ fn output(output: &OutputTable, body: &str) -> Result<Output, UsageError> {
     {
         return Err(wrong(format!("rate_hz is {rate_hz}, expected 0.001 to 1000")));
     }
-    let encode = messages::encoder(output, body);
-    Ok(Output { address, rate_hz: output.rate_hz, encode })
+    let leaves = Leaves { float: output.float, predicted: output.predicted };
+    let (encode, partner, rate_hz) = match output.profile {
+        OutputProfile::Csv => (messages::csv(leaves), Partner::default(), None),
+        OutputProfile::Jsonl => (messages::json_lines(leaves, body), Partner::default(), None),
+        // Other bodies have an encoder of their own.
+        OutputProfile::Relative => {
+            let nothing: Encode = Arc::new(|_, _, _| None);
+            (nothing, Partner::default(), None)
+        }
+        OutputProfile::Of(profile)
+            if (output.float || output.predicted) && !profile.takes_float() =>
+        {
+            let word = profile.word();
+            return Err(wrong(format!(
+                "profile `{word}` has fixed angles alone; `float` and `predicted` are for jsonl, csv and ros2, which say how \
+                 certain each angle is"
+            )));
+        }
+        OutputProfile::Of(profile) => {
+            let refused = |what| wrong(format!("profile `{}`: {what}", profile.word()));
+            let line = profile.line(&positions_m(loaded)).map_err(refused)?;
+            let partner = profile.partner(address.baud());
+            (profile.encode(line, output.float, output.predicted), partner, profile.rate_hz())
+        }
+    };
+    Ok(Output { address, rate_hz: output.rate_hz.or(rate_hz), encode, partner })
 }
 
-/// An epoch of the station that is older than this is of no use unless more is asked for.
-const STATION_MAX_AGE_S: f64 = 10.0;
+/// Where the antennas are on the body; empty if that is not known.
+pub(super) fn positions_m(loaded: &Loaded) -> Vec<Vector<Body>> {
+    let positions = loaded.config.antenna.iter().map(|antenna| antenna.position_m);
+    let known: Option<Vec<[f64; 3]>> = positions.collect();
+    known.unwrap_or_default().into_iter().map(|[x, y, z]| Vector::new(x, y, z)).collect()
+}
 
 /// Logs that are read as fast as possible have no order of arrival: only an epoch of the same time serves.
 fn station_max_age_s(loaded: &Loaded) -> Result<f64, UsageError> {
     let Some(station) = &loaded.config.station else { return Ok(0.0) };
-    let max_age_s = station.max_age_s.unwrap_or(STATION_MAX_AGE_S);
-    if !(0.0..=60.0).contains(&max_age_s) {
-        let text = format!("station.max_age_s is {max_age_s}, expected 0 to 60");
-        return Err(UsageError(text));
-    }
+    let max_age_s = station.max_age_s()?;
     let address = station.stream.as_ref().and_then(|stream| stream.parse::<Address>().ok());
     Ok(if address.is_some_and(|a| a.is_unpaced_file()) { 0.0 } else { max_age_s })
 }

@@ -16,17 +16,17 @@ use crate::failure::UsageError;
 
 /// Scenarios that the program carries.
 const BUILT_IN: [(&str, &str); 11] = [
-    ("roof-static", include_str!("../../../../scenarios/roof-static.toml")),
-    ("car", include_str!("../../../../scenarios/car.toml")),
-    ("ship", include_str!("../../../../scenarios/ship.toml")),
-    ("uav", include_str!("../../../../scenarios/uav.toml")),
-    ("urban", include_str!("../../../../scenarios/urban.toml")),
-    ("few-satellites", include_str!("../../../../scenarios/few-satellites.toml")),
-    ("leo", include_str!("../../../../scenarios/leo.toml")),
-    ("two-bodies", include_str!("../../../../scenarios/two-bodies.toml")),
-    ("edge", include_str!("../../../../scenarios/edge.toml")),
-    ("canopy", include_str!("../../../../scenarios/canopy.toml")),
-    ("street", include_str!("../../../../scenarios/street.toml")),
+    ("roof-static", include_str!("../../scenarios/roof-static.toml")),
+    ("car", include_str!("../../scenarios/car.toml")),
+    ("ship", include_str!("../../scenarios/ship.toml")),
+    ("uav", include_str!("../../scenarios/uav.toml")),
+    ("urban", include_str!("../../scenarios/urban.toml")),
+    ("few-satellites", include_str!("../../scenarios/few-satellites.toml")),
+    ("leo", include_str!("../../scenarios/leo.toml")),
+    ("two-bodies", include_str!("../../scenarios/two-bodies.toml")),
+    ("edge", include_str!("../../scenarios/edge.toml")),
+    ("canopy", include_str!("../../scenarios/canopy.toml")),
+    ("street", include_str!("../../scenarios/street.toml")),
 ];
 
 /// Reads a scenario file, or a built-in scenario by its name, with the values of `--set`, and the files that

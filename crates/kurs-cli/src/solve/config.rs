@@ -13,6 +13,7 @@ use kurs::time::{Calendar, GpsTime};
 use kurs_formats::logs::{LogPart, Protocol};
 use kurs_formats::sbf::AntennaId;
 use kurs_formats::source::can_be_read_again;
+use kurs_live::Profile;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -186,6 +187,23 @@ pub(crate) struct StationTable {
     pub(crate) antenna_id: Option<AntennaId>,
 }
 
+impl StationTable {
+    /// Until which age an epoch serves, s.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] if it is out of range.
+    pub(crate) fn max_age_s(&self) -> Result<f64, UsageError> {
+        /// An older epoch is of no use unless more is asked for.
+        const USUAL_S: f64 = 10.0;
+        let max_age_s = self.max_age_s.unwrap_or(USUAL_S);
+        if (0.0..=60.0).contains(&max_age_s) {
+            return Ok(max_age_s);
+        }
+        Err(UsageError(format!("station.max_age_s is {max_age_s}, expected 0 to 60")))
+    }
+}
+
 /// A further point of the body.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -218,7 +236,7 @@ pub(crate) struct LiveTable {
 #[serde(deny_unknown_fields)]
 pub(crate) struct OutputTable {
     pub(crate) to: String,
-    pub(crate) profile: Profile,
+    pub(crate) profile: OutputProfile,
     pub(crate) rate_hz: Option<f64>,
     /// Angles of float rows leave too.
     #[serde(default)]
@@ -257,18 +275,45 @@ impl Default for FilterTable {
 
 /// What messages look like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Profile {
-    /// Sentences of NMEA 0183.
-    Marine,
-    /// Sentences of NMEA 0183 as gpsd reads them.
-    Gpsd,
+#[serde(try_from = "String", into = "String")]
+pub(crate) enum OutputProfile {
     /// The columns of `attitude.csv` as JSON lines, with the times of the message.
     Jsonl,
     /// The rows of `attitude.csv`.
     Csv,
     /// Other bodies as seen from this one, as JSON lines.
     Relative,
+    /// For readers with a format of their own.
+    Of(Profile),
+}
+
+impl TryFrom<String> for OutputProfile {
+    type Error = String;
+
+    fn try_from(word: String) -> Result<Self, String> {
+        match word.as_str() {
+            "jsonl" => Ok(Self::Jsonl),
+            "csv" => Ok(Self::Csv),
+            "relative" => Ok(Self::Relative),
+            word => Profile::of_word(word).map(Self::Of).ok_or_else(|| {
+                let known: Vec<&str> =
+                    ["jsonl", "csv", "relative"].into_iter().chain(Profile::words()).collect();
+                format!("unknown profile `{word}`, expected one of {}", known.join(", "))
+            }),
+        }
+    }
+}
+
+impl From<OutputProfile> for String {
+    fn from(profile: OutputProfile) -> Self {
+        match profile {
+            OutputProfile::Jsonl => "jsonl",
+            OutputProfile::Csv => "csv",
+            OutputProfile::Relative => "relative",
+            OutputProfile::Of(profile) => profile.word(),
+        }
+        .to_owned()
+    }
 }
 
 /// Raw logs of the streams.

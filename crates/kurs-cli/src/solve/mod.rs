@@ -32,6 +32,7 @@ use crate::copies::Copies;
 use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
 use crate::output::{self, Destination, OutputFolder};
+use crate::parquet_files;
 use crate::progress::{Progress, Work};
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
@@ -50,13 +51,17 @@ const OUTPUTS: &[&str] = &[
     FAILURE,
     "attitude.csv",
     "attitude.jsonl",
+    "attitude.parquet",
     "attitude.nmea",
     "baselines.csv",
     "baselines.jsonl",
+    "baselines.parquet",
     "points.csv",
     "points.jsonl",
+    "points.parquet",
     "antennas.csv",
     "antennas.jsonl",
+    "antennas.parquet",
     "position.pos",
     "baseline-*.pos",
     "summary.json",
@@ -152,9 +157,20 @@ pub(crate) enum Format {
     NmeaSurvey,
     /// position.pos and baseline-A-B.pos, as RTKLIB writes solutions and RTKPLOT opens them.
     Pos,
+    /// The same rows as Parquet files (programs built with the feature `parquet`).
+    Parquet,
 }
 
 impl Format {
+    /// Refuses formats that this program was built without.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] that names the cargo feature.
+    pub(crate) fn check(formats: &[Self]) -> Result<(), UsageError> {
+        if formats.contains(&Self::Parquet) { parquet_files::check() } else { Ok(()) }
+    }
+
     /// The file with the rows of the attitude.
     pub(crate) const fn rows(self) -> &'static str {
         match self {
@@ -162,12 +178,14 @@ impl Format {
             Self::Jsonl => "attitude.jsonl",
             Self::Nmea | Self::NmeaGpsd | Self::NmeaSurvey => "attitude.nmea",
             Self::Pos => "position.pos",
+            Self::Parquet => "attitude.parquet",
         }
     }
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    Format::check(&args.format)?;
     let session = args.session.load()?;
     let loaded = &session.loaded;
     let settings =
@@ -307,6 +325,8 @@ pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
 
 /// Everything that is written row by row.
 struct Outputs {
+    directory: PathBuf,
+    formats: Vec<Format>,
     tables: Vec<Tables>,
     nmea: Option<NmeaLog>,
     pos: Option<PosFiles>,
@@ -316,10 +336,13 @@ impl Outputs {
     fn create(directory: &Path, formats: &[Format], loaded: &Loaded) -> anyhow::Result<Self> {
         let points: Vec<String> = loaded.config.point.iter().map(|p| p.name.clone()).collect();
         let mut tables = Vec::new();
-        for (wanted, format) in
-            [(Format::Csv, TableFormat::Csv), (Format::Jsonl, TableFormat::Jsonl)]
+        // Parquet files are made of whole CSV files.
+        let wants_csv = formats.iter().any(|f| matches!(f, Format::Csv | Format::Parquet));
+        let wants_jsonl = formats.contains(&Format::Jsonl);
+        for (is_wanted, format) in
+            [(wants_csv, TableFormat::Csv), (wants_jsonl, TableFormat::Jsonl)]
         {
-            if formats.contains(&wanted) {
+            if is_wanted {
                 let names = antenna_names(loaded);
                 let created = Tables::create(directory, format, names, points.clone())?;
                 tables.push(match loaded.config.station {
@@ -341,7 +364,7 @@ impl Outputs {
                 PosFiles::create(directory, &antenna_names(loaded), loaded.config.station.is_some())
             })
             .transpose()?;
-        Ok(Self { tables, nmea, pos })
+        Ok(Self { directory: directory.to_owned(), formats: formats.to_vec(), tables, nmea, pos })
     }
 
     fn write(&mut self, row: &EpochSolution) -> anyhow::Result<()> {
@@ -355,6 +378,17 @@ impl Outputs {
     fn finish(self) -> anyhow::Result<()> {
         for tables in self.tables {
             tables.finish()?;
+        }
+        if self.formats.contains(&Format::Parquet) {
+            for stem in ["attitude", "baselines", "points", "antennas"] {
+                let rows = self.directory.join(format!("{stem}.csv"));
+                if rows.exists() {
+                    parquet_files::write(&self.directory, stem)?;
+                    if !self.formats.contains(&Format::Csv) {
+                        std::fs::remove_file(rows)?;
+                    }
+                }
+            }
         }
         self.pos.map_or(Ok(()), PosFiles::finish)?;
         self.nmea.map_or(Ok(()), NmeaLog::finish)

@@ -7,12 +7,12 @@ use kurs::ephemeris::NavigationData;
 use kurs::observation::{AntennaEpoch, Observation};
 use kurs::signal::{Satellite, System};
 
+use super::frame;
 use super::rawx::{
     HALF_CYCLE_KNOWN, HEADER, LOCK_TIME_MAX_MS, MEASUREMENT, PHASE_VALID, RANGE_VALID, RXM_RAWX,
 };
 use super::sfrbx;
 use super::signal::{satellite_ids, signal_id};
-use crate::logs::checksum::fletcher;
 use crate::logs::lock_clock::LockClock;
 use crate::navigation_frames::schedule::{Schedule, glonass_channels};
 
@@ -70,14 +70,14 @@ impl<W: Write> UbxWriter<W> {
         }
         self.payload[11] = count;
         debug_assert_eq!(self.payload.len(), HEADER + MEASUREMENT * usize::from(count));
-        write_message(&mut self.output, RXM_RAWX, &self.payload)?;
+        self.output.write_all(&frame(RXM_RAWX, &self.payload))?;
         while let Some(ephemeris) = self.schedule.next(time) {
             let payloads = sfrbx::payloads(&ephemeris, time);
             if payloads.is_empty() {
                 self.schedule.leave_out(ephemeris.satellite());
             }
             for payload in payloads {
-                write_message(&mut self.output, sfrbx::RXM_SFRBX, &payload)?;
+                self.output.write_all(&frame(sfrbx::RXM_SFRBX, &payload))?;
             }
         }
         Ok(())
@@ -127,15 +127,4 @@ impl<W: Write> UbxWriter<W> {
     pub fn finish(self) -> W {
         self.output
     }
-}
-
-/// Writes a message with its framing.
-fn write_message(output: &mut impl Write, id: [u8; 2], payload: &[u8]) -> io::Result<()> {
-    let length = u16::try_from(payload.len()).map_err(io::Error::other)?;
-    let mut message = vec![0xb5, 0x62, id[0], id[1]];
-    message.extend(length.to_le_bytes());
-    message.extend(payload);
-    let checksum = fletcher(&message[2..]);
-    message.extend(checksum);
-    output.write_all(&message)
 }

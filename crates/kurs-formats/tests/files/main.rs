@@ -4,8 +4,11 @@
 #[path = "../../../../tests/outside.rs"]
 mod outside;
 
+mod autopilot_gates;
 mod checks;
 mod compact_files;
+mod leaving_messages;
+mod leaving_rows;
 mod low_orbit;
 mod mutated_files;
 mod navigation_files;

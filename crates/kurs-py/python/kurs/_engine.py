@@ -33,8 +33,8 @@ class Engine:
             assignments = settings(overrides)[1::2]
             self._engine = _native.NativeEngine(path, assignments, deadline_s)
         self._columns = self._engine.columns()
-        #: Names of the antennas, in the order of the configuration.
-        self.antennas: list[str] = self._engine.antennas()
+        #: Names of the antennas, in the order of the configuration; the last one is "station" if there is a `[station]`.
+        self.antennas: list[str] = self._engine.sources()
 
     def insert(self, ephemerides: Navigation | bytes) -> None:
         """Takes ephemerides that count from now on: of `read_nav`, or bytes of a navigation file or log."""
@@ -69,15 +69,15 @@ class Engine:
             raise ValueError(f"antenna {antenna}, expected 0 to {len(self.antennas) - 1}")
         return antenna
 
-    def _rows(self, lines: tuple[str, str, str]) -> list[Row]:
-        attitude, baselines, points = (
+    def _rows(self, lines: tuple[str, str, str, str]) -> list[Row]:
+        attitude, *others = (
             [_row(columns, fields) for fields in csv.reader(text.splitlines())]
             for columns, text in zip(self._columns, lines, strict=True)
         )
         for row in attitude:
             time = row["time_gpst"]
-            row["baselines"] = [other for other in baselines if other["time_gpst"] == time]
-            row["points"] = [other for other in points if other["time_gpst"] == time]
+            for name, rows in zip(("baselines", "points", "by_code"), others, strict=True):
+                row[name] = [other for other in rows if other["time_gpst"] == time]
         return attitude
 
 

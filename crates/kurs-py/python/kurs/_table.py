@@ -79,7 +79,12 @@ class Table(Mapping[str, NDArray[Any]]):
         return pa.table({name: arrow(column) for name, column in self._columns.items()})
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        stream: object = self.to_arrow().__arrow_c_stream__(requested_schema)
+        """The same for whoever takes Arrow, by pyarrow, or by nanoarrow (words are strings then) where that is not there."""
+        try:
+            table = self.to_arrow()
+        except ModuleNotFoundError:
+            table = _struct(self._columns, self.rows)
+        stream: object = table.__arrow_c_stream__(requested_schema)
         return stream
 
     def to_pandas(self) -> Any:
@@ -111,3 +116,28 @@ class Table(Mapping[str, NDArray[Any]]):
         parquet: Any = import_module("pyarrow.parquet")
         with whole_file(path) as temporary:
             parquet.write_table(self.to_arrow(), temporary)
+
+
+def _struct(columns: Mapping[str, NDArray[Any] | Words], rows: int) -> Any:
+    """The columns as a nanoarrow.c_array_stream of one struct."""
+    na: Any = import_module("nanoarrow")
+
+    def array(column: NDArray[Any] | Words) -> tuple[Any, Any]:
+        if isinstance(column, tuple):
+            codes, words = column
+            texts = [word.encode() for word in (*words, "")]
+            ends = np.concatenate([[0], np.cumsum([len(texts[code]) for code in codes])]).astype(np.int32)
+            return na.string(), [_bits(codes >= 0), ends, b"".join(texts[code] for code in codes)]
+        if column.dtype.kind == "f":
+            return na.float64(), [_bits(~np.isnan(column)), column]
+        return (na.timestamp("ns") if column.dtype.kind == "M" else na.int64()), [None, column.view(np.int64)]
+
+    arrays = {name: array(column) for name, column in columns.items()}
+    children = [na.c_array_from_buffers(kind, rows, buffers) for kind, buffers in arrays.values()]
+    schema = na.struct({name: kind for name, (kind, _) in arrays.items()})
+    return na.c_array_stream(na.c_array_from_buffers(schema, rows, [None], children=children))
+
+
+def _bits(is_there: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
+    """Which values are there, a bit for each; nothing if all are."""
+    return None if is_there.all() else np.packbits(is_there, bitorder="little")

@@ -54,6 +54,7 @@ pub struct ArrayConstrained {
     line: LengthConstrained,
     plane: BestFirst<6, SVector<f64, 3>>,
     space: BestFirst<9, SVector<f64, 6>>,
+    nodes: usize,
     proven_to: f64,
 }
 
@@ -66,6 +67,7 @@ impl Default for ArrayConstrained {
             line: LengthConstrained::default(),
             plane: BestFirst::default(),
             space: BestFirst::default(),
+            nodes: 0,
             proven_to: f64::NAN,
         }
     }
@@ -91,20 +93,27 @@ impl ArrayConstrained {
         array_sd_m: f64,
         count: usize,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
+        self.nodes = 0;
         let shape = Shape::new(body_m)?;
         let softened = softened(float, body_m.len(), array_sd_m)?;
         let (axes_float, misfit) = shape.reduced(softened)?;
         let mut candidates = match shape.dimension() {
-            1 => self.on_a_line(&axes_float, &shape, count),
+            1 => {
+                let found = self.on_a_line(&axes_float, &shape, count);
+                self.nodes = self.line.nodes();
+                found
+            }
             2 => {
                 let mut tree = std::mem::take(&mut self.plane);
                 let found = self.with_frame(&axes_float, &shape, ambiguities_of, count, &mut tree);
+                self.nodes = tree.opened();
                 self.plane = tree;
                 found
             }
             _ => {
                 let mut tree = std::mem::take(&mut self.space);
                 let found = self.with_frame(&axes_float, &shape, ambiguities_of, count, &mut tree);
+                self.nodes = tree.opened();
                 self.space = tree;
                 found
             }
@@ -121,6 +130,12 @@ impl ArrayConstrained {
     #[must_use]
     pub fn proven_to(&self) -> f64 {
         self.proven_to
+    }
+
+    /// Branches that the last call of [`solve`](Self::solve) has opened.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.nodes
     }
 
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.

@@ -207,6 +207,11 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         }
     }
 
+    /// Branches that the last search has opened.
+    pub(super) fn opened(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// What the cheapest waiting branch costs at least.
     fn next_bound(&self) -> f64 {
         self.queue.peek().map_or(f64::INFINITY, |queued| queued.bound)

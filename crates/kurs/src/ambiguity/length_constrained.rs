@@ -91,6 +91,12 @@ impl LengthConstrained {
         self.proven_to
     }
 
+    /// Branches that the last call of [`solve`](Self::solve) has opened.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.tree.opened()
+    }
+
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
     #[must_use]
     pub fn decorrelation(&self) -> &Decorrelation {

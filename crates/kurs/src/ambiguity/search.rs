@@ -51,6 +51,7 @@ pub struct IntegerLeastSquares {
     pub horizon: f64,
     decorrelation: Decorrelation,
     tree: Tree,
+    nodes: usize,
     proven_to: f64,
 }
 
@@ -61,6 +62,7 @@ impl Default for IntegerLeastSquares {
             horizon: DEFAULT_HORIZON,
             decorrelation: Decorrelation::default(),
             tree: Tree::default(),
+            nodes: 0,
             proven_to: f64::NAN,
         }
     }
@@ -104,6 +106,12 @@ impl IntegerLeastSquares {
         self.proven_to
     }
 
+    /// Nodes that the last call of [`solve`](Self::solve) has visited.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.nodes
+    }
+
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
     #[must_use]
     pub fn decorrelation(&self) -> &Decorrelation {
@@ -112,6 +120,7 @@ impl IntegerLeastSquares {
 
     /// The `count` nearest leaves, nearest first, and the radius in which there are no others.
     fn nearest(&mut self, count: usize) -> Result<(Vec<Leaf>, f64), AmbiguityError> {
+        self.nodes = 0;
         let tree = &mut self.tree;
         let n = self.decorrelation.dimension();
         let mut found: Vec<Leaf> = Vec::with_capacity(count + 1);
@@ -121,7 +130,8 @@ impl IntegerLeastSquares {
         let mut radius = f64::INFINITY;
         let mut k = n - 1;
         tree.enter(&self.decorrelation, k, 0.0);
-        for _ in 0..self.node_budget {
+        while self.nodes < self.node_budget {
+            self.nodes += 1;
             let residual = tree.centers[k] - tree.integers[k];
             let norm = tree.norms_above[k] + residual * residual * tree.weights[k];
             // False for a norm that is not a number, too: such a branch is left.

@@ -19,8 +19,6 @@ const USELESS: f64 = 2.0;
 const MIN_FREEDOM: usize = 8;
 /// The time for a sphere grows with its area: some tens of milliseconds for this radius, m.
 const MAX_LENGTH_M: f64 = 3.0;
-/// Integers that are tried, a few milliseconds: noisy phases leave too many.
-const MAX_NODES: usize = 500_000;
 /// Rivals that cost so much more than the phases' degrees of freedom are not looked for.
 const HORIZON: f64 = 50.0;
 
@@ -36,7 +34,8 @@ pub(super) struct CodeFree {
 }
 
 impl CodeFree {
-    /// The integers of one baseline, cheapest first, and what all others cost at least.
+    /// The integers of one baseline, cheapest first, and what all others cost at least; no more than `nodes`
+    /// integers are tried, those that are left remain: noisy phases leave too many.
     ///
     /// # Errors
     ///
@@ -46,6 +45,7 @@ impl CodeFree {
         float: &FloatSolution,
         approximate_m: Vector3<f64>,
         length: Length,
+        nodes: &mut usize,
     ) -> Result<(Vec<LengthCandidate>, f64), Reason> {
         if length.length_m > MAX_LENGTH_M {
             return Err(Reason::Budget);
@@ -54,7 +54,7 @@ impl CodeFree {
         self.decorrelation.compute(&float.ambiguity_covariance).map_err(|_| weak)?;
         let model = phase_model(float, approximate_m).ok_or(weak)?;
         let max_cost = model.phases_m.len() as f64 + HORIZON;
-        let found = all_in_time(&model, length, max_cost, MAX_NODES).map_err(|_| Reason::Budget)?;
+        let found = all_in_time(&model, length, max_cost, nodes).map_err(|_| Reason::Budget)?;
         let candidate = |c: SphereCandidate| LengthCandidate {
             integers: c.integers,
             cost: c.cost,

@@ -195,6 +195,7 @@ impl Estimator {
     /// The integers: of the whole epoch, without a suspect where these are not accepted, and by the
     /// prediction where the epoch alone is not sure.
     fn fix(&mut self, mut epoch: Epoch, predicted: Option<&PredictedAttitude>) -> Fixed {
+        self.searches.begin_epoch();
         let (known, rate) = (self.known(), self.settings.max_wrong_fix_rate);
         let Epoch { float, links, frame, .. } = &epoch;
         let doubt = self.session_fit.doubt();

@@ -6,7 +6,7 @@
 //! | difference | `difference.rs`: links, their noise, double differences |
 //! | float | `difference.rs`: the float solution, and what it teaches of the noise (`noise_levels.rs`) |
 //! | carry | `estimator.rs`: what earlier epochs know of the ambiguities |
-//! | fix | `fix.rs`, `search.rs`, `likelihood.rs`, `subset.rs`, `code_free.rs`, `predicted_attitude.rs` |
+//! | fix | `fix.rs`, `search.rs`, `likelihood.rs`, `subset.rs`, `code_free.rs`, `predicted_attitude.rs`; their common `work_budget.rs` |
 //! | orient | `orientation.rs` |
 //! | accept | `acceptance.rs`, with the session's `array_misfit.rs`, `session_fit.rs`, `witness.rs` |
 //! | row | `row.rs` |
@@ -31,6 +31,7 @@ mod session_fit;
 mod settings;
 mod subset;
 mod witness;
+mod work_budget;
 
 pub use direction::Direction;
 pub(crate) use estimator::Estimator;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use crate::ambiguity::array_constrained::{ArrayCandidate, ArrayConstrained};
 use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
-use crate::ambiguity::search::IntegerLeastSquares;
+use crate::ambiguity::search::{Candidate, IntegerLeastSquares};
 use crate::ambiguity::sphere::Length;
 use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
@@ -19,13 +19,12 @@ use super::code_free::CodeFree;
 use super::likelihood::Likelihood;
 use super::locate::CommonFrame;
 use super::settings::{Constraint, Settings};
+use super::work_budget::{Search, WorkBudget};
 
 /// Candidates whose probabilities are weighed against each other.
 const CANDIDATES: usize = 4;
 /// Candidates that the search of a whole array weighs, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
-/// Branches that the search of an array opens before it gives up, many times what a good epoch needs.
-const ARRAY_NODES: usize = 4_000;
 /// Rivals of an array that cost more than the best by more than this are not looked for.
 const ARRAY_HORIZON: f64 = 30.0;
 /// Integers of baselines that leave more than this, in cycles, around a triangle of antennas do not
@@ -74,23 +73,35 @@ pub(super) struct Searches {
     length: LengthConstrained,
     array: ArrayConstrained,
     code_free: CodeFree,
+    budget: WorkBudget,
 }
 
 impl Default for Searches {
     fn default() -> Self {
         // Proving that nothing lies far beyond the best takes longer than finding it.
         let mut array = ArrayConstrained::default();
-        (array.horizon, array.node_budget) = (ARRAY_HORIZON, ARRAY_NODES);
+        array.horizon = ARRAY_HORIZON;
         Self {
             free: IntegerLeastSquares::default(),
             length: LengthConstrained::default(),
             array,
             code_free: CodeFree::default(),
+            budget: WorkBudget::default(),
         }
     }
 }
 
 impl Searches {
+    /// Gives the searches the work of an epoch.
+    pub(super) fn begin_epoch(&mut self) {
+        self.budget = WorkBudget::default();
+    }
+
+    /// Whether the work of the epoch is done.
+    pub(super) fn are_spent(&self) -> bool {
+        self.budget.is_spent()
+    }
+
     /// The most probable integers under the constraint in force; where these are not sure, those that are sure
     /// without it: a right geometry never loses them, and a wrong one shows by the checks that they are going to fail.
     ///
@@ -123,7 +134,7 @@ impl Searches {
     fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
         let float = problem.float;
         let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
-        let Ok(free) = self.free.solve(ambiguities.as_slice(), covariance, 1) else { return 0.0 };
+        let Ok(free) = self.nearest(ambiguities.as_slice(), covariance, 1) else { return 0.0 };
         let Some(best) = free.first() else { return 0.0 };
         let integers: Vec<i64> = found.integers.iter().map(|z| whole(*z)).collect();
         if best.integers == integers {
@@ -163,15 +174,26 @@ impl Searches {
     /// All ambiguities of all baselines together, nothing known of the geometry.
     fn without_constraint(&mut self, problem: &Problem) -> Result<Found, Reason> {
         let float = problem.float;
-        let candidates = self
-            .free
-            .solve(float.ambiguities_cycles.as_slice(), &float.ambiguity_covariance, CANDIDATES)
-            .map_err(reason)?;
+        let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
+        let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES)?;
         let variances = self.free.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
         let list: Vec<_> =
             candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
         problem.weigh(float, &list, self.free.proven_to(), rate, 0)
+    }
+
+    /// The integers nearest to these ambiguities, within the work of the epoch.
+    fn nearest(
+        &mut self,
+        ambiguities: &[f64],
+        covariance: &DMatrix<f64>,
+        count: usize,
+    ) -> Result<Vec<Candidate>, Reason> {
+        self.free.node_budget = self.budget.nodes(Search::Free)?;
+        let found = self.free.solve(ambiguities, covariance, count);
+        self.budget.spend(Search::Free, self.free.nodes(), ambiguities.len());
+        found.map_err(reason)
     }
 
     /// All baselines together, as the known array turned by one rotation.
@@ -192,10 +214,11 @@ impl Searches {
             .map(|block| float.baseline_of.iter().filter(|b| **b == block).count())
             .collect();
         let mixed = reordered(mixed_float(float, &problem.frame.approximate())?, &order);
-        let candidates = self
-            .array
-            .solve(mixed, &ambiguities_of, &body_m, problem.settings.array_sd_m, ARRAY_CANDIDATES)
-            .map_err(reason)?;
+        let array_sd_m = problem.settings.array_sd_m;
+        self.array.node_budget = self.budget.nodes(Search::Array)?;
+        let found = self.array.solve(mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES);
+        self.budget.spend(Search::Array, self.array.nodes(), order.len());
+        let candidates = found.map_err(reason)?;
         let variances = self.array.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
         let in_place = |candidate: &ArrayCandidate| {
@@ -277,12 +300,20 @@ impl Searches {
         length: Length,
     ) -> Result<(Found, Conditional), Reason> {
         let (candidates, proven_to, decorrelation) = if float.is_without_code() {
-            let (candidates, proven_to) = self.code_free.solve(float, approximate_m, length)?;
+            let nodes = self.budget.nodes(Search::Sphere)?;
+            let mut left = nodes;
+            let found = self.code_free.solve(float, approximate_m, length, &mut left);
+            self.budget.spend(Search::Sphere, nodes - left, float.ambiguities_cycles.len());
+            let (candidates, proven_to) = found?;
             (candidates, proven_to, self.code_free.decorrelation())
         } else {
             let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
             let mixed = mixed_float(float, &stacked_m)?;
-            let candidates = self.length.solve(&mixed, length, CANDIDATES).map_err(reason)?;
+            self.length.node_budget = self.budget.nodes(Search::Length)?;
+            let found = self.length.solve(&mixed, length, CANDIDATES);
+            let ambiguities = float.ambiguities_cycles.len();
+            self.budget.spend(Search::Length, self.length.nodes(), ambiguities);
+            let candidates = found.map_err(reason)?;
             (candidates, self.length.proven_to(), self.length.decorrelation())
         };
         let rate = bootstrapped_success_rate(decorrelation.conditional_variances());

@@ -179,6 +179,9 @@ impl Subsets {
         let mut fixed: Vec<Subset> = Vec::new();
         self.misfit_without_unlike = None;
         for suspect in suspects {
+            if searches.are_spent() {
+                break;
+            }
             let subset = fix_without(searches, doubted, suspect, rate);
             if suspect == LeftOut::MixedReceiverPhases {
                 let found = subset.as_ref().and_then(|subset| subset.fix.found.as_ref().ok());
