@@ -254,8 +254,11 @@ impl Peers {
         let age_s = |state: &&BodyState| (time - state.time).abs();
         let nearest = peer.kept.iter().min_by(|a, b| age_s(a).total_cmp(&age_s(b)));
         let other = nearest.filter(|state| self.is_young(time - state.time));
-        let found =
-            own.zip(other).and_then(|(own, other)| relative(own, other, time, self.setup.settings));
+        // One that is too old for any angle to be certain is none.
+        let found = own
+            .zip(other)
+            .and_then(|(own, other)| relative(own, other, time, self.setup.settings))
+            .filter(|found| found.angles_rad.iter().any(Option::is_some));
         let (status, reason) = match (own, other, &found) {
             (Some(own), Some(other), Some(_)) => match (own.status, other.status) {
                 (Status::Fixed, Status::Fixed) => (Status::Fixed, ""),
@@ -280,7 +283,9 @@ impl Peers {
     fn reason<'a>(&self, peer: &'a Peer, time: GpsTime) -> &'a str {
         let max_age = Duration::from_secs_f64(self.setup.max_age_s);
         match &peer.newest {
-            Some((newest, ..)) if self.is_young(time - *newest) => peer.reason(),
+            Some((newest, reason, _)) if self.is_young(time - *newest) && !reason.is_empty() => {
+                reason
+            }
             Some((_, _, arrived)) if arrived.elapsed() < max_age => OTHER_TIME,
             _ => SILENT,
         }

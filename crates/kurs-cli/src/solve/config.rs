@@ -265,10 +265,11 @@ pub(crate) struct FilterTable {
 }
 
 impl Default for FilterTable {
-    /// That of `kurs fuse`, but that nothing waits for what is out of order: a stream has its order.
+    /// That of `kurs fuse`, but that hardly anything waits for what is out of order: a stream has its order,
+    /// and only the clock of a receiver is off by up to some milliseconds.
     fn default() -> Self {
         let FilterConfig { gate_sigmas, first_angle_sd_deg, .. } = FilterConfig::default();
-        Self { gate_sigmas, first_angle_sd_deg, order_window_s: 0.0 }
+        Self { gate_sigmas, first_angle_sd_deg, order_window_s: 0.01 }
     }
 }
 
