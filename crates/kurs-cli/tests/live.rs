@@ -1913,6 +1913,16 @@ fn foreign_programs_feed_it_and_read_it() {
     }
 }
 
+/// The client of pygnssutils, which hands on to a service what a caster sends.
+const NTRIP_CLIENT: &str = r#"
+import socket, time
+from pygnssutils import GNSSNTRIPClient
+
+service = socket.create_connection(("127.0.0.1", SERVICE))
+GNSSNTRIPClient().run(server="127.0.0.1", port=CASTER, mountpoint="pygnssutils", ntripuser="me", ntrippassword="secret", output=service)
+time.sleep(60)
+"#;
+
 /// The casters of pygnssutils (PyPI), one for each antenna, with a password; the stream of the second one
 /// comes through its client.
 #[test]
@@ -1931,20 +1941,18 @@ fn casters_and_client_of_pygnssutils_feed_it() {
         wait_for("the caster", || TcpStream::connect(("127.0.0.1", caster)).ok());
     }
     let port = free_port();
-    let (caster, to) = (casters[1].to_string(), format!("127.0.0.1:{port}"));
-    let flags = ["-S", "127.0.0.1", "-P", &caster, "-M", "pygnssutils", "--clioutput", "3"];
-    let who = ["--ntripuser", "me", "--ntrippassword", "secret", "--output", &to];
-    let Some(_client) = Partner::start("gnssntripclient", &[&flags[..], &who].concat()) else {
-        return;
-    };
     let streams = [
         format!("stream = \"ntrip://me:secret@127.0.0.1:{}/pygnssutils\"", casters[0]),
-        format!("stream = \"tcp://127.0.0.1:{port}\""),
+        format!("stream = \"tcp-listen://127.0.0.1:{port}\""),
     ];
     // The ephemerides were sent before anybody listened.
     let files = format!("as_received = true\nfiles = [\"{}\"]", logs().join("nav.rnx").display());
     let text = configuration([&streams[0], &streams[1]], "").replace("as_received = true", &files);
     let service = Service::start(folder.path(), &text, &["--quiet"]);
+    wait_for("the service", || TcpStream::connect(("127.0.0.1", port)).ok());
+    let client = NTRIP_CLIENT.replace("CASTER", &casters[1].to_string());
+    let client = client.replace("SERVICE", &port.to_string());
+    let _client = Partner::start("python3", &["-c", &client]);
     let fixed = |out: &Path| statuses(out).iter().filter(|(_, s)| s == "fixed").count();
     wait_for("fixed rows", || (fixed(&service.out) > 10).then_some(()));
 }
