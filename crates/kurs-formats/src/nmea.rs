@@ -28,7 +28,7 @@ pub enum Profile {
     /// roll into one of its reports. (gpsd 3.22 mixes HDT with the GST before it into an attitude that
     /// is not even JSON.)
     Gpsd,
-    /// The same as for plotters, PASHR, the only one with the standard deviations of the angles, and PTNL,AVR.
+    /// The sentences for plotters, PASHR, the only one with the standard deviations of the angles, and PTNL,AVR.
     /// (On a port of gpsd PASHR stops the positions.)
     Survey,
     /// For AgOpenGPS: PAOGI; without a roll GGA, VTG and, with a heading, HDT.

@@ -22,7 +22,7 @@ use axum::response::{IntoResponse, Response};
 /// Requests a second in the long run, and at once: two hundred pages that are opened together ask for
 /// twenty files each.
 const REQUESTS: (f64, f64) = (400.0, 5000.0);
-/// The same for changes and for tokens that are wrong.
+/// Changes, and tokens that are wrong, a second in the long run and at once.
 const CHANGES: (f64, f64) = (1.0, 20.0);
 /// An answer has to begin within this time of the request's head.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);

@@ -17,7 +17,7 @@ pub(super) fn csv(leaves: Leaves) -> Encode {
     Arc::new(move |row, rates, _| line(row, rates, leaves, TableFormat::Csv))
 }
 
-/// The same as JSON lines, with the times of the message and whose it is.
+/// The columns of `attitude.csv` as JSON lines, with the times of the message and whose it is.
 pub(super) fn json_lines(leaves: Leaves, body: &str) -> Encode {
     let body = body.to_owned();
     Arc::new(move |row, rates, times| json_line(row, rates, times, leaves, &body))

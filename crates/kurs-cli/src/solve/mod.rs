@@ -157,7 +157,7 @@ pub(crate) enum Format {
     NmeaSurvey,
     /// position.pos and baseline-A-B.pos, as RTKLIB writes solutions and RTKPLOT opens them.
     Pos,
-    /// The same rows as Parquet files (programs built with the feature `parquet`).
+    /// The rows as Parquet files (programs built with the feature `parquet`).
     Parquet,
 }
 

@@ -189,7 +189,7 @@ fn relposned(time: GpsTime, row: &EpochSolution, measured: Option<&Measured>) ->
     frame(NAV_RELPOSNED, &p)
 }
 
-/// The same in millimetres: version 2.
+/// UBX-NAV-DAHEADING, version 2: the line and its angles, in millimetres.
 fn daheading(time: GpsTime, row: &EpochSolution, measured: Option<&Measured>) -> Vec<u8> {
     let mut p = vec![2, 0, 0, 0];
     p.extend(tow_ms(time));

@@ -61,7 +61,7 @@ pub(crate) fn fixed_line(k: i64, degrees: [f64; 3], line_m: Vector<Body>) -> Epo
     row
 }
 
-/// The same row, with integers that are not accepted.
+/// A row whose integers are not accepted.
 pub(crate) fn float(k: i64, degrees: [f64; 3]) -> EpochSolution {
     let mut row = fixed(k, degrees);
     let attitude = row.attitude().copied();

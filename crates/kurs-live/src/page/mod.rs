@@ -70,7 +70,7 @@ pub struct Page {
     pub antennas: Vec<(String, Option<[f64; 3]>)>,
     /// A row as the page gets it: a line of JSON.
     pub encode: Encode,
-    /// The same of another body.
+    /// Another body as seen from this one, as the page gets it.
     pub encode_relative: fn(&RelativeRow) -> Option<Vec<u8>>,
 }
 
