@@ -23,36 +23,30 @@ pub(super) fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
     }
     let peers = &loaded.config.peer;
     for (number, peer) in peers.iter().enumerate() {
-        let wrong = |what: String| UsageError(format!("peer `{}`: {what}", peer.name));
         if peer.name.is_empty() || peers[..number].iter().any(|other| other.name == peer.name) {
-            return Err(wrong("the name is empty or used twice".into()));
+            let name = &peer.name;
+            return Err(UsageError(format!("peer `{name}`: the name is empty or used twice")));
         }
-        let address: Address = peer.from.parse().map_err(|error| wrong(format!("from {error}")))?;
-        if matches!(address, Address::Ntrip(_)) {
-            return Err(wrong(
-                "from: expected serial://, tcp://, tcp-listen://, udp:// or file://".into(),
-            ));
-        }
-        let address = address.with_path(|path| loaded.path(&path));
+        let address = address_of_lines(loaded, &format!("peer `{}`: from", peer.name), &peer.from)?;
         inputs.push(of_lines(address, Lines::Peer(number, peer.name.clone())));
     }
     Ok(inputs)
 }
 
+/// Where lines of text come from, by the value of a key: anything but a caster.
+fn address_of_lines(loaded: &Loaded, key: &str, stream: &str) -> Result<Address, UsageError> {
+    match stream.parse().map_err(|error| UsageError(format!("{key} {error}")))? {
+        Address::Ntrip(_) => {
+            let expected = "expected serial://, tcp://, tcp-listen://, udp:// or file://";
+            Err(UsageError(format!("{key}: {expected}")))
+        }
+        address => Ok(address.with_path(|path| loaded.path(&path))),
+    }
+}
+
 fn imu_address(loaded: &Loaded, imu: &ImuConfig) -> Result<Address, UsageError> {
     match (&imu.stream, &imu.log) {
-        (Some(stream), None) => {
-            let address: Address =
-                stream.parse().map_err(|error| UsageError(format!("imu.stream {error}")))?;
-            match address {
-                Address::Ntrip(_) => {
-                    let text =
-                        "imu.stream: expected serial://, tcp://, tcp-listen://, udp:// or file://";
-                    Err(UsageError(text.to_owned()))
-                }
-                address => Ok(address.with_path(|path| loaded.path(&path))),
-            }
-        }
+        (Some(stream), None) => address_of_lines(loaded, "imu.stream", stream),
         (None, Some(log)) => Ok(Address::File { path: loaded.path(log), speed: 0.0 }),
         (found, _) => {
             let found = if found.is_some() { "both" } else { "none" };
