@@ -43,5 +43,5 @@ deny:
     cargo deny check licenses bans sources
 
 # everything that is handed out, made and checked (docs/release.md)
-release-check:
-    release/check
+release-check *options:
+    release/check {{options}}

@@ -51,9 +51,8 @@ def problems(np, Rotation, random, count):
 
 
 def optimum(np, body, measured):
-    """By the SVD of the attitude profile matrix, rotations only (Markley 1988), in the widest floating point there is."""
-    profile = measured.astype(np.longdouble).T @ body.astype(np.longdouble)
-    u, _, v = np.linalg.svd(profile.astype(float))
+    """By the SVD of the attitude profile matrix, rotations only (Markley 1988): local from body."""
+    u, _, v = np.linalg.svd(measured.T @ body)
     return u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v
 
 

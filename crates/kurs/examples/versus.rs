@@ -41,7 +41,8 @@ fn solve<R: IntoIterator<Item = f64>>(
     let found = numbers.chunks_exact(length).map(one).collect::<Result<Vec<R>, _>>()?;
     println!("{}", started.elapsed().as_secs_f64() * 1e9 / found.len() as f64);
     for result in found {
-        let words: Vec<String> = result.into_iter().map(|number| format!("{number:.17e}")).collect();
+        let words: Vec<String> =
+            result.into_iter().map(|number| format!("{number:.17e}")).collect();
         println!("{}", words.join(" "));
     }
     Ok(())

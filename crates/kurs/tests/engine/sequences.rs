@@ -27,18 +27,33 @@ const WAVELENGTH_M: f64 = LIGHT_MPS / 1575.42e6;
 enum What {
     Silent,
     /// So many cycles from then on, for good.
-    Slip { cycles: i32, flagged: bool },
-    HalfCycle { flagged: bool },
+    Slip {
+        cycles: i32,
+        flagged: bool,
+    },
+    HalfCycle {
+        flagged: bool,
+    },
     /// The receiver's clock, but not its time tags, is off by so many milliseconds.
-    ClockStep { milliseconds: i32 },
+    ClockStep {
+        milliseconds: i32,
+    },
     /// The cables of this antenna and the next one.
     Swapped,
     /// Code and phase of a satellite, at all antennas or at this one.
-    Spoofed { by_m: f64, everywhere: bool },
+    Spoofed {
+        by_m: f64,
+        everywhere: bool,
+    },
     /// No antenna is heard.
     Gap,
-    LateTag { by_s: f64 },
-    Number { which: u8, value: f64 },
+    LateTag {
+        by_s: f64,
+    },
+    Number {
+        which: u8,
+        value: f64,
+    },
 }
 
 /// It, where and from which epoch to which.
@@ -91,7 +106,9 @@ impl Fault {
             What::ClockStep { milliseconds } => {
                 let by_m = LIGHT_MPS * 1e-3 * f64::from(milliseconds);
                 let antenna = epoch.antennas[self.antenna].iter_mut();
-                antenna.flat_map(|antenna| &mut antenna.observations).for_each(|o| move_by(o, by_m));
+                antenna
+                    .flat_map(|antenna| &mut antenna.observations)
+                    .for_each(|o| move_by(o, by_m));
             }
             What::Spoofed { by_m, everywhere: true } => {
                 (0..3).filter_map(|k| self.observation(epoch, k)).for_each(|o| move_by(o, by_m));
@@ -184,10 +201,10 @@ fn is_wrong(row: &EpochSolution, body: &Motion) -> bool {
 #[test]
 fn sequences_of_faults_leave_every_row_whole_and_hardly_a_fix_wrong() {
     let modes = vec![Ambiguities::Instantaneous, Ambiguities::Continuous(Moves::Free)];
-    let sequences =
-        (1u64..1000, prop::sample::select(modes), prop::collection::vec(fault(), 1..5));
+    let sequences = (1u64..1000, prop::sample::select(modes), prop::collection::vec(fault(), 1..5));
     let [fixed, wrong, rows] = [(); 3].map(|()| Cell::new(0));
-    let config = ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() };
+    let config =
+        ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() };
     let mut runner =
         TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
     let run = runner.run(&sequences, |(seed, mode, faults)| {
