@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, Vector3};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let size = arguments.get(1).map_or(Ok(0), |size| size.parse())?;
+    let size: usize = arguments.get(1).map_or(Ok(0), |size| size.parse())?;
     let mut text = String::new();
     std::io::stdin().read_to_string(&mut text)?;
     let numbers: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;

@@ -8,7 +8,7 @@ use kurs::engine::Ambiguities;
 use kurs::float_solution::recursive::Motion as Moves;
 use kurs::frames::enu_from_ned;
 use kurs::observation::matcher::Matcher;
-use kurs::observation::{ArrayEpoch, Lock, Observation};
+use kurs::observation::{AntennaEpoch, ArrayEpoch, Lock, Observation};
 use kurs::solution::{EpochSolution, Status};
 use nalgebra::Matrix3;
 use proptest::prelude::*;
@@ -111,10 +111,11 @@ impl Fault {
                     .for_each(|o| move_by(o, by_m));
             }
             What::Spoofed { by_m, everywhere: true } => {
-                (0..3).filter_map(|k| self.observation(epoch, k)).for_each(|o| move_by(o, by_m));
+                let antennas = epoch.antennas.iter_mut();
+                antennas.filter_map(|a| self.observation(a)).for_each(|o| move_by(o, by_m));
             }
             _ => {
-                if let Some(observation) = self.observation(epoch, self.antenna) {
+                if let Some(observation) = self.observation(&mut epoch.antennas[self.antenna]) {
                     self.spoil_one(observation, number);
                 }
             }
@@ -144,9 +145,9 @@ impl Fault {
         }
     }
 
-    /// The observation of the same satellite at one antenna.
-    fn observation(self, epoch: &mut ArrayEpoch, antenna: usize) -> Option<&mut Observation> {
-        let observations = &mut epoch.antennas[antenna].as_mut()?.observations;
+    /// The observation of the fault's satellite at an antenna.
+    fn observation(self, antenna: &mut Option<AntennaEpoch>) -> Option<&mut Observation> {
+        let observations = &mut antenna.as_mut()?.observations;
         let count = observations.len();
         observations.get_mut(self.satellite % count)
     }
