@@ -115,7 +115,7 @@ impl Matcher {
         if self.is_late(antenna, time) {
             self.queues[antenna].late += 1;
             if self.clock_stepped_back(time, now_s) {
-                self.begin_anew(time);
+                self.begin_anew();
             }
         } else {
             self.queues[antenna].waiting.push_back(Waiting { epoch, arrived_s: now_s });
@@ -337,14 +337,13 @@ impl Matcher {
             && self.is_of_majority(time, now_s)
     }
 
-    /// Time is about `time` again: what went out before, and what waits, does not bind any more.
-    fn begin_anew(&mut self, time: GpsTime) {
+    /// Time was set back: what went out before, and what waits, does not bind any more.
+    fn begin_anew(&mut self) {
         self.last = None;
         for queue in &mut self.queues {
             queue.taken = None;
-            let before = queue.waiting.len();
-            queue.waiting.retain(|w| (w.epoch.time - time).abs() <= MIN_DOUBTED_STEP_S);
-            queue.strays += (before - queue.waiting.len()) as u64;
+            queue.strays += queue.waiting.len() as u64;
+            queue.waiting.clear();
         }
     }
 
@@ -517,6 +516,32 @@ mod tests {
     }
 
     #[test]
+    fn before_an_interval_is_known_the_usual_deadline_is_a_tenth_of_a_second() {
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::HalfInterval);
+        assert_eq!(push(&mut matcher, 0, 1.0, 5.0), None);
+        assert_eq!(matcher.due_at_s(), Some(5.0 + MAX_USUAL_DEADLINE_S));
+    }
+
+    #[test]
+    fn the_deadline_does_not_count_from_an_epoch_of_the_next_instant() {
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::Seconds(0.1));
+        for tow_s in [1.25, 2.0] {
+            push(&mut matcher, 0, tow_s, tow_s);
+            push(&mut matcher, 1, tow_s, tow_s);
+        }
+        // Half an interval, 0.375 s, is another instant.
+        assert_eq!(push(&mut matcher, 1, 3.375, 3.0), None);
+        assert_eq!(push(&mut matcher, 0, 3.0, 3.05), Some((3.0, vec![Some(3.0), None])));
+        assert_eq!(push(&mut matcher, 0, 4.5, 3.06), Some((3.375, vec![None, Some(3.375)])));
+
+        let mut matcher = Matcher::new(3).with_deadline(Deadline::Seconds(0.1));
+        matcher.interval_s = 0.75;
+        assert_eq!(push(&mut matcher, 1, 3.375, 3.0), None);
+        assert_eq!(push(&mut matcher, 0, 3.0, 3.05), None);
+        assert_eq!(matcher.due_at_s(), Some(3.05 + 0.1));
+    }
+
+    #[test]
     fn who_comes_when_the_instant_is_gone_is_late_and_on_time_again_afterwards() {
         let mut matcher = running(2);
         assert_eq!(push(&mut matcher, 0, 12.0, 12.0), None);
@@ -600,6 +625,21 @@ mod tests {
         assert_eq!(push(&mut matcher, 0, 60.0, 11.5), None);
         assert_eq!(poll(&mut matcher, 12.0), None, "the other one was there half a second ago");
         assert_eq!(poll(&mut matcher, 13.5), Some((60.0, vec![Some(60.0), None])));
+    }
+
+    /// What went out when the doubted epoch came does not contradict it, and who is silent for two seconds is not there.
+    #[test]
+    fn the_patience_with_a_doubted_instant_ends_after_two_seconds() {
+        let mut matcher = running(2);
+        assert_eq!(push(&mut matcher, 0, 60.0, 11.0), None);
+        assert_eq!(poll(&mut matcher, 11.0 + PATIENCE_S), Some((60.0, vec![Some(60.0), None])));
+
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::Seconds(0.0));
+        for tow_s in [10.0, 11.0] {
+            assert!(push(&mut matcher, 1, tow_s, tow_s).is_some());
+        }
+        let alone = Some((60.0, vec![Some(60.0), None]));
+        assert_eq!(push(&mut matcher, 0, 60.0, 11.0 + PATIENCE_S), alone);
     }
 
     /// Three seconds, or three half intervals, are no step.
