@@ -33,7 +33,7 @@ use super::subset::{Doubted, Subsets};
 use super::witness::{Claim, Witness};
 
 /// The estimator of one array, without its navigation data.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Estimator {
     pub(super) settings: Settings,
     /// Phase centres of the antennas; empty if none is known.
@@ -155,6 +155,20 @@ impl Estimator {
             Err(reason) => row.outcome = Outcome::Lost { reason },
         }
         self.located = located;
+        row
+    }
+
+    /// The same of an epoch that is not to be believed: nothing is learnt from it but where phases were interrupted.
+    pub(crate) fn push_untrusted(
+        &mut self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+    ) -> EpochSolution {
+        let before = self.clone();
+        let row = self.push(navigation, observed, predicted);
+        let Self { continuity, mirror, .. } = core::mem::replace(self, before);
+        (self.continuity, self.mirror) = (continuity, mirror);
         row
     }
 

@@ -19,7 +19,7 @@ use super::settings::Settings;
 const MAX_TIME_DIFFERENCE_S: f64 = 0.010;
 
 /// One antenna of the epoch, by itself.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Located {
     pub(super) antenna: usize,
     /// Time tag by its own clock.
