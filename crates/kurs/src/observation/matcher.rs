@@ -73,6 +73,7 @@ struct Waiting {
 #[derive(Debug, Clone)]
 struct Instant {
     earliest: GpsTime,
+    latest: GpsTime,
     window_s: f64,
     /// Which antennas are in it.
     has: Vec<bool>,
@@ -101,8 +102,8 @@ impl Matcher {
     /// Takes an epoch that came at `now_s` (s, by any clock that does not step) and gives the instant
     /// that it completes, if it does; [`Matcher::poll`] then gives further ones.
     ///
-    /// An epoch whose instant has gone out already, or that is not later than the one before of the
-    /// same antenna, is dropped and counted ([`Matcher::late`]).
+    /// An epoch whose instant has gone out already, or that is not later than the instant before or
+    /// than the epoch before of the same antenna, is dropped and counted ([`Matcher::late`]).
     ///
     /// # Panics
     ///
@@ -247,15 +248,14 @@ impl Matcher {
         })
     }
 
-    /// The instant has gone out without it, or it is not later than the one before.
+    /// The instant has gone out without it, or it is not later than what went out, or than the one before.
     fn is_late(&self, antenna: usize, time: GpsTime) -> bool {
         let queue = &self.queues[antenna];
         let before = queue.waiting.back().map(|waiting| waiting.epoch.time).or(queue.taken);
         before.is_some_and(|before| time <= before)
-            || self
-                .last
-                .as_ref()
-                .is_some_and(|last| !last.has[antenna] && time - last.earliest < last.window_s)
+            || self.last.as_ref().is_some_and(|last| {
+                time <= last.latest || !last.has[antenna] && time - last.earliest < last.window_s
+            })
     }
 
     fn take(&mut self, earliest: GpsTime, window_s: f64, now_s: f64) -> ArrayEpoch {
@@ -274,7 +274,14 @@ impl Matcher {
             antennas.push(Some(waiting.epoch));
         }
         let has = antennas.iter().map(Option::is_some).collect();
-        self.last = Some(Instant { earliest, window_s, has, left_s: now_s });
+        let latest = antennas.iter().flatten().map(|epoch| epoch.time).fold(earliest, GpsTime::max);
+        for queue in &mut self.queues {
+            // Of an antenna with a tag ahead of its time: its right epoch has no instant any more.
+            while queue.waiting.pop_front_if(|waiting| waiting.epoch.time <= latest).is_some() {
+                queue.late += 1;
+            }
+        }
+        self.last = Some(Instant { earliest, latest, window_s, has, left_s: now_s });
         let time = antennas.iter().flatten().next().map_or(earliest, |epoch| epoch.time);
         ArrayEpoch { time, antennas, station: None }
     }
