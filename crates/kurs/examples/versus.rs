@@ -10,7 +10,7 @@ use std::error::Error;
 use std::io::Read;
 use std::time::Instant;
 
-use kurs::ambiguity::integer_least_squares;
+use kurs::ambiguity::search::integer_least_squares;
 use kurs::array::AntennaArray;
 use kurs::attitude::wahba;
 use kurs::frames::{Body, Ned, Rotation, Vector};
