@@ -22,10 +22,9 @@ test:
 python:
     tests/python/run
 
-# accuracy and speed on the recordings, beside RTKLIB (Debian package rtklib)
-compare runs="5":
-    cargo build --release
-    bench/against_rtklib.sh {{runs}}
+# Kurs beside what others use for the same work (bench/versus/install gets the others)
+compare *options:
+    bench/versus/run {{options}}
 
 bench:
     cargo bench --workspace
@@ -44,5 +43,5 @@ deny:
     cargo deny check licenses bans sources
 
 # everything that is handed out, made and checked (docs/release.md)
-release-check:
-    release/check
+release-check *options:
+    release/check {{options}}

@@ -69,11 +69,10 @@ cat <<'END'
 
 ## Against scipy
 
-Asked: 100 times faster than `Rotation.align_vectors` called once per epoch, the same answer. `bench/align_vectors.py`
+Asked: 100 times faster than `Rotation.align_vectors` called once per epoch, the same answer. `bench/versus/run --parts wahba`
 
 END
-quietly cargo build --release -q -p kurs --example wahba_epochs
-python3 bench/align_vectors.py target/release/examples/wahba_epochs || true
+bench/versus/run --parts wahba | grep '^|'
 
 cat <<'END'
 

@@ -3,33 +3,24 @@
 
     bench/real_skies.py [--kurs PROGRAM] [--data FOLDER] [--only WORD] [--modes MODE,...] [--reasons] [--json]
 
-A fix is wrong if a component is off by more than max(5 cm, 5 standard deviations), 6 cm under the canopy
-(whose points are known to 1 cm), or by more than 15 cm whatever its standard deviation. `z2` is the mean
+What is wrong: judging.py. `z2` is the mean
 normalised square of a component, `>3 sd` the share of the fixes with a component beyond three of its
 standard deviations, `sd east` the median standard deviation of the east component of the fixes.
 """
 
 import argparse
-import csv
-import glob
 import json
 import os
 import statistics
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
-CANOPY = (-51.195, -35.935, -35.036)
-SHADOW = (72.4228, -204.3063, -4.9550)
-UPC = (-27.4088, -26.2188, -0.0403)
-MATRTKLIB = (-0.2235, -0.9645, 0.009)
-GEONET = (953.6729, -3196.1390, 4.6514)
-ALL_BEIDOU = "C1,C2,C5,C6,C7"
-# Approximate time of the logs of the valley, which have no date.
-SHADOW_TIME = ("2026/06/26", "16:00:00")
-LENGTHS = {CANOPY: 71.69, SHADOW: 216.82, UPC: 37.93, MATRTKLIB: 0.99, GEONET: 3335.39}
+import programs
+import sessions
+from judging import Score
 
+ALL_BEIDOU = "C1,C2,C5,C6,C7"
 # Modes: a word for the name of the row, keys of [solve].
 MODES = {
     "instantaneous": ("", {}),
@@ -71,102 +62,40 @@ def rows(modes):
             yield name + word, recording, bands, constraint, keys | keys_of_mode
 
 
-def files(recording, data):
-    """Base files, rover files, navigation files, vector from base to rover (east, north, up, m)."""
-    if recording == "canopy":
-        folder = f"{data}/canopy2025"
-        hours = lambda who: sorted(glob.glob(f"{folder}/{who}_*.obs.gz"))
-        return hours("MOZR"), hours("MOZA"), glob.glob(f"{folder}/brdc*"), CANOPY
-    if recording == "shadow":
-        folder = f"{data}/shadow2026"
-        return [f"{folder}/base_all.rtcm3.gz"], [f"{folder}/rover_all.rtcm3.gz"], [], SHADOW
-    if recording == "upc2011":
-        folder = f"{data}/upc2011"
-        return [f"{folder}/UPC10770.11o"], [f"{folder}/UPC20770.11o"], [f"{folder}/brdc0770.11n"], UPC
-    if recording == "geonet2005":
-        folder = f"{data}/geonet2005"
-        return [f"{folder}/07590920.05o"], [f"{folder}/30400920.05o"], [f"{folder}/30400920.05n"], GEONET
-    folder = f"{data}/matrtklib_static"
-    return [f"{folder}/base.obs"], [f"{folder}/rover.obs"], [f"{folder}/base.nav"], MATRTKLIB
-
-
 def configuration(row, data):
-    """The configuration of a row as TOML, and the true vector."""
+    """The session of a row and its configuration as TOML."""
     _, recording, bands, constraint, keys = row
     keys = dict(keys)
-    bases, rovers, navigation, truth = files(recording, os.path.abspath(data))
-    told_wrong = "off_m" in keys
-    length_m = LENGTHS[truth] + keys.pop("off_m", 0.0)
-    text = ""
-    for antenna, observations, x in (("base", bases, 0.0), ("rover", rovers, length_m)):
-        text += f'[[antenna]]\nname = "{antenna}"\nobs = {json.dumps(observations)}\n'
-        if constraint != "none":
-            text += f"position_m = [{x}, 0.0, 0.0]\n"
-    if navigation:
-        text += f"[nav]\nfiles = {json.dumps(navigation)}\n"
+    session = sessions.recording(recording, data)
+    off_m = keys.pop("off_m", None)
     keys = {"ambiguity": "instantaneous", "constraint": constraint, "max_tilt_deg": 180} | keys
-    if constraint != "none" and not told_wrong:
+    if off_m:
+        session.place_m = (session.place_m[0] + off_m, 0.0, 0.0)
+    elif constraint != "none":
         keys["array_sd_m"] = 0.01
     if bands:
         keys["bands"] = bands.split(",")
-    return text + "[solve]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in keys.items()), truth
-
-
-def run(kurs, text, folder):
-    """Rows of attitude.csv and baselines.csv that `kurs solve` makes of a configuration."""
-    path = f"{folder}/kurs.toml"
-    with open(path, "w") as file:
-        file.write(text)
-    done = subprocess.run([kurs, "solve", "--quiet", path, "--out", f"{folder}/out"], capture_output=True, text=True)
-    if not os.path.exists(f"{folder}/out/attitude.csv"):
-        raise RuntimeError(done.stderr.strip()[:200])
-    return table(f"{folder}/out/attitude.csv"), table(f"{folder}/out/baselines.csv")
-
-
-def table(path):
-    with open(path) as file:
-        return list(csv.DictReader(file))
-
-
-def floor_m(recording):
-    """Errors below are no mistakes: the places are known no better."""
-    return 0.06 if recording == "canopy" else 0.05
-
-
-def error(fix, truth):
-    """Errors of a baseline's components and their standard deviations, m."""
-    off = [float(fix[f"{c}_m"]) - t for c, t in zip(("east", "north", "up"), truth)]
-    return off, [float(fix[f"sd_{c}_m"]) for c in ("east", "north", "up")]
-
-
-def is_wrong(off, sd, floor):
-    return max(map(abs, off)) > 0.15 or any(abs(o) > max(floor, 5 * s) for o, s in zip(off, sd))
+    return session, session.configuration(keys, with_places=constraint != "none")
 
 
 def solve(row, arguments, folder):
-    name, recording = row[:2]
-    text, truth = configuration(row, arguments.data)
+    session, text = configuration(row, arguments.data)
     try:
-        rows, baselines = run(arguments.kurs, text, folder)
+        rows, baselines, _ = programs.solve(arguments.kurs, text, folder)
     except RuntimeError as problem:
-        return {"name": name, "error": str(problem)}
+        return {"name": row[0], "error": str(problem)}
+    score, errors = Score(), []
     fixed = [r for r in baselines if r["status"] == "fixed"]
-    wrong = beyond = 0
-    squares, errors = [], []
     for r in fixed:
-        off, sd = error(r, truth)
-        if is_wrong(off, sd, floor_m(recording)):
-            wrong += 1
-            errors.append((r["time_gpst"], max(map(abs, off))))
-        else:
-            squares += [(o / s) ** 2 for o, s in zip(off, sd)]
-        beyond += any(abs(o) > 3 * s for o, s in zip(off, sd))
+        off_m, sd_m = session.errors(r)
+        if score.add(off_m, sd_m, session.floor_m):
+            errors.append((r["time_gpst"], max(map(abs, off_m))))
     reasons = {}
     for r in rows:
         key = r["status"] + ("," + r["reason"] if r["reason"] else "")
         reasons[key] = reasons.get(key, 0) + 1
-    return {"name": name, "rows": len(rows), "fixed": len(fixed), "wrong": wrong, "beyond": beyond,
-            "z2": statistics.mean(squares) if squares else float("nan"),
+    return {"name": row[0], "rows": len(rows), "fixed": score.fixed, "wrong": score.wrong, "beyond": score.beyond,
+            "z2": score.mean_square,
             "sd_east_mm": 1e3 * statistics.median(float(r["sd_east_m"]) for r in fixed) if fixed else float("nan"),
             "reasons": dict(sorted(reasons.items(), key=lambda kv: -kv[1])), "errors": errors}
 

@@ -129,7 +129,7 @@ impl Solved {
 #[test]
 fn two_receivers_a_metre_apart_without_constraint() {
     let Some(data) = data() else { return };
-    // Length scatter of RTKLIB 2.4.3 on the same bytes (bench/against_rtklib.sh), m.
+    // Length scatter of RTKLIB 2.4.3 on the same bytes (`rnx2rtkp`, each epoch alone), m.
     for (bands, least, rtklib_m) in [
         ("bands=[G1]", 0.99, 0.001_106),
         ("bands=[G1,G2]", 0.995, 0.001_312),

@@ -29,7 +29,7 @@ use super::predicted_attitude::PredictedBaselines;
 use super::search::{Problem, Searches};
 use super::session_fit::SessionFit;
 use super::settings::{Ambiguities, Settings, SettingsError};
-use super::subset::{Doubted, Subsets};
+use super::subset::{Doubted, Subsets, Trials};
 use super::witness::{Claim, Witness};
 
 /// The estimator of one array, without its navigation data.
@@ -226,13 +226,13 @@ impl Estimator {
         };
         let doubted =
             Doubted { epoch: &epoch, fix: &fix, settings, known, doubt, is_mixed: &is_mixed };
-        let subset = self.subsets.find(&mut self.searches, &doubted);
-        let left_out = subset.as_ref().map(|subset| subset.left_out);
-        if let Some(subset) = subset {
+        let Trials { best, misfit_without_mixed } = self.subsets.find(&mut self.searches, &doubted);
+        let left_out = best.as_ref().map(|subset| subset.left_out);
+        if let Some(subset) = best {
             (epoch.links, epoch.groups) = (subset.links, subset.groups);
             (epoch.float, fix) = (subset.float, subset.fix);
         }
-        self.learn_fit(&epoch, &fix);
+        self.learn_fit(&epoch, &fix, misfit_without_mixed);
         let settings = &self.settings;
 
         let predicted =
@@ -252,10 +252,10 @@ impl Estimator {
     /// The session learns how well the best integers fit, with what is known of the geometry: without the phases of
     /// mixed receivers where those are in doubt, as what they leave is not the geometry's fault. Integers that fit best
     /// to what earlier epochs know of them fit the epoch itself only if they are right, so only sure ones count.
-    fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix) {
+    fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix, without_mixed: Option<Fit>) {
         let Ok(found) = &fix.found else { return };
-        let without_unlike = self.subsets.misfit_without_unlike.filter(|_| !fix.is_accepted());
-        let misfit = if let Some(misfit) = without_unlike {
+        let without_mixed = without_mixed.filter(|_| !fix.is_accepted());
+        let misfit = if let Some(misfit) = without_mixed {
             misfit
         } else if epoch.float.is_recursive() && !fix.is_sure() {
             return;

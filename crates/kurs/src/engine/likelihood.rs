@@ -62,35 +62,29 @@ impl Likelihood {
     pub(super) fn rivals<'a>(
         &self,
         float: &FloatSolution,
-        candidates: impl Iterator<Item = (&'a [i64], f64)>,
+        mut candidates: impl Iterator<Item = (&'a [i64], f64)>,
         proven_to: f64,
     ) -> f64 {
-        let mut best: Option<(Squares, f64)> = None;
-        let mut sum = 0.0;
-        for (integers, cost) in candidates {
-            let squares = squares(float, integers, cost);
-            match best {
-                None => best = Some((squares, cost)),
-                Some((best, _)) => sum += self.ratio(squares, best),
-            }
-        }
-        let Some((best, cost)) = best else { return f64::INFINITY };
-        // What was not found counts as one more rival, whose excess lies where it tells least.
-        let excess = (proven_to - cost).max(0.0);
-        let in_code = self.ratio(Squares { code: best.code + excess, ..best }, best);
-        let in_phase = self.ratio(Squares { phase: best.phase + excess, ..best }, best);
-        sum + in_code.max(in_phase)
+        let Some(best) = candidates.next() else { return f64::INFINITY };
+        self.others(float, candidates, proven_to, best)
     }
 
-    /// Probability of integers `free` (with their cost) that were found without the constraint, over that of the
-    /// `best` ones under it.
-    pub(super) fn against(
+    /// Probability of these integers and of those that were not found, which cost `proven_to` or more, over that of
+    /// the `best`.
+    pub(super) fn others<'a>(
         &self,
         float: &FloatSolution,
-        free: (&[i64], f64),
+        others: impl Iterator<Item = (&'a [i64], f64)>,
+        proven_to: f64,
         best: (&[i64], f64),
     ) -> f64 {
-        self.ratio(squares(float, free.0, free.1), squares(float, best.0, best.1))
+        let (cost, best) = (best.1, squares(float, best.0, best.1));
+        let found: f64 = others.map(|(z, cost)| self.ratio(squares(float, z, cost), best)).sum();
+        // What was not found counts as one more rival, whose excess lies where it tells least.
+        let excess = proven_to - cost;
+        let in_code = self.ratio(Squares { code: (best.code + excess).max(0.0), ..best }, best);
+        let in_phase = self.ratio(Squares { phase: (best.phase + excess).max(0.0), ..best }, best);
+        found + in_code.max(in_phase)
     }
 
     /// `p(z) / p(best)`

@@ -127,24 +127,23 @@ impl Searches {
         }
     }
 
-    /// Probability of integers that nothing is known of but the epoch, over that of those `found` under the
-    /// constraint: if the geometry is wrong, none of its candidates is right. 0 where they are the same. Where
-    /// the model without the constraint is weak, its best integers are one of many and right as rarely as its success
-    /// rate says.
+    /// Probability of all other integers if nothing is known of the geometry, over that of those `found` with it: what is
+    /// right if the geometry is wrong. Where the model without the constraint is weak, each of them is one of many
+    /// and right as rarely as its success rate says; where its search comes to no end, integers that fit without any
+    /// misfit may be among those it did not reach.
     fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
         let float = problem.float;
         let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
-        let Ok(free) = self.nearest(ambiguities.as_slice(), covariance, 1) else { return 0.0 };
-        let Some(best) = free.first() else { return 0.0 };
         let integers: Vec<i64> = found.integers.iter().map(|z| whole(*z)).collect();
-        if best.integers == integers {
-            return 0.0;
-        }
+        let found = (integers.as_slice(), found.misfit.sum);
         let likelihood = Likelihood::new(float, problem.known, 0);
-        let free = (best.integers.as_slice(), best.squared_distance);
-        let ratio = likelihood.against(float, free, (&integers, found.misfit.sum));
-        let variances = self.free.decorrelation().conditional_variances();
-        ratio * bootstrapped_success_rate(variances)
+        let Ok(free) = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES) else {
+            return likelihood.others(float, core::iter::empty(), 0.0, found);
+        };
+        let others = free.iter().map(|c| (c.integers.as_slice(), c.squared_distance));
+        let others = others.filter(|(z, _)| *z != found.0);
+        let others = likelihood.others(float, others, self.free.proven_to(), found);
+        others * bootstrapped_success_rate(self.free.decorrelation().conditional_variances())
     }
 
     /// The most probable integers, if the geometry is right.

@@ -16,8 +16,16 @@ const MAX_EXCESS: f64 = 16.0;
 /// Degrees of freedom of the code's level, over which it is not trusted: its tails are not Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
-/// Probability that a configuration has a wrong length or place, before anything was seen: one in a hundred.
+/// Odds of a wrong length or place in a configuration, before anything was seen: one in a hundred.
 const PRIOR_DOUBT: f64 = 1e-2;
+/// Mean square that a wrong geometry gives the cheapest candidate, about.
+const WRONG_MEAN: f64 = 2.0;
+/// A mean square that speaks for neither: with a wrong geometry a sum of squares `q` of `f` degrees of freedom is `2^{−f/2} e^{q/4}`
+/// times as probable as with the right one, which is 1 for `q = 2 ln 2 · f`.
+const NEUTRAL_MEAN: f64 = 2.0 * core::f64::consts::LN_2;
+/// Ten times as much: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
+/// fixes (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
+const MAX_DOUBT: f64 = 0.1;
 /// Below this doubt the geometry is out of the question, unless the fit gets bad.
 const MIN_DOUBT: f64 = 1e-7;
 
@@ -26,8 +34,8 @@ const MIN_DOUBT: f64 = 1e-7;
 pub(super) struct SessionFit {
     sum: f64,
     degrees_of_freedom: f64,
-    /// Independent epochs.
-    epochs: f64,
+    /// For the known geometry: an independent epoch whose mean square is 1 leaves a tenth of the odds against it.
+    evidence: f64,
     time: Option<GpsTime>,
 }
 
@@ -40,16 +48,14 @@ impl SessionFit {
         let degrees_of_freedom = fit.degrees_of_freedom as f64;
         self.sum = self.sum * keep + weight * fit.sum.min(MAX_EXCESS * degrees_of_freedom);
         self.degrees_of_freedom = self.degrees_of_freedom * keep + weight * degrees_of_freedom;
-        self.epochs = self.epochs * keep + weight;
+        let mean = (fit.sum / degrees_of_freedom.max(1.0)).min(WRONG_MEAN);
+        self.evidence =
+            self.evidence * keep + weight * (NEUTRAL_MEAN - mean) / (NEUTRAL_MEAN - 1.0);
     }
 
-    /// Probability that the known geometry is wrong: each independent epoch whose integers fit leaves a tenth
-    /// of it, as wrong geometry makes the cheapest candidate cost about twice its degrees of freedom.
+    /// Odds of a wrong geometry; those that reflections raise too have their bound.
     pub(super) fn doubt(&self) -> f64 {
-        let excess =
-            (self.sum - self.degrees_of_freedom) / (2.0 * self.degrees_of_freedom).max(1.0).sqrt();
-        let evidence = (self.epochs - excess.max(0.0)).max(0.0);
-        let doubt = PRIOR_DOUBT * 10f64.powf(-evidence);
+        let doubt = (PRIOR_DOUBT * 10f64.powf(-self.evidence)).min(MAX_DOUBT);
         if doubt < MIN_DOUBT { 0.0 } else { doubt }
     }
 
@@ -60,5 +66,36 @@ impl SessionFit {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some thousands
         let degrees_of_freedom = self.degrees_of_freedom.round() as usize;
         (Fit { sum: self.sum, degrees_of_freedom }, p_value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The odds after so many independent epochs, a second apart, of ten degrees of freedom each.
+    fn after(epochs: u8, mean: f64) -> f64 {
+        let mut session = SessionFit::default();
+        for second in 0..epochs {
+            let time = GpsTime::default() + f64::from(second);
+            session.take(Fit { sum: 10.0 * mean, degrees_of_freedom: 10 }, 1.0, time);
+        }
+        session.doubt()
+    }
+
+    #[test]
+    fn epochs_that_fit_end_the_doubt() {
+        assert!((after(0, 1.0) - PRIOR_DOUBT).abs() < 1e-12);
+        // The first of three has faded by 2/300.
+        assert!((after(3, 1.0) / (PRIOR_DOUBT * 10f64.powf(-2.99)) - 1.0).abs() < 0.02);
+        assert!(after(6, 1.0) == 0.0);
+    }
+
+    #[test]
+    fn epochs_that_do_not_fit_raise_it() {
+        assert!((after(5, NEUTRAL_MEAN) / PRIOR_DOUBT - 1.0).abs() < 1e-9);
+        assert!((after(5, 2.0) - MAX_DOUBT).abs() < 1e-12);
+        // One wild epoch is no proof.
+        assert!((after(1, 1e9) - MAX_DOUBT).abs() < 1e-12);
     }
 }

@@ -46,8 +46,15 @@ pub(super) struct Subset {
 pub(super) struct Subsets {
     /// The last trial without code found nothing; until then none is worth its time.
     no_trial_without_code_until: GpsTime,
-    /// How the best integers of the epoch fit without the phases of mixed receivers, if that was tried.
-    pub(super) misfit_without_unlike: Option<Fit>,
+}
+
+/// What came of the trials without suspects.
+#[derive(Debug, Default)]
+pub(super) struct Trials {
+    /// The surest one that is accepted.
+    pub(super) best: Option<Subset>,
+    /// How the best integers fit without the phases of mixed receivers, if that was tried.
+    pub(super) misfit_without_mixed: Option<Fit>,
 }
 
 /// An epoch whose integers are not accepted, or doubted.
@@ -172,12 +179,12 @@ impl Doubted<'_> {
 impl Subsets {
     /// Integers of the epoch alone without one of the suspects, where those of the whole epoch are not accepted, or
     /// its phases fit so badly that a part which fits is more probable.
-    pub(super) fn find(&mut self, searches: &mut Searches, doubted: &Doubted) -> Option<Subset> {
+    pub(super) fn find(&mut self, searches: &mut Searches, doubted: &Doubted) -> Trials {
         let time = doubted.epoch.time;
         let suspects = doubted.suspects(time >= self.no_trial_without_code_until);
         let rate = doubted.settings.max_wrong_fix_rate / suspects.len() as f64;
         let mut fixed: Vec<Subset> = Vec::new();
-        self.misfit_without_unlike = None;
+        let mut misfit_without_mixed = None;
         for suspect in suspects {
             if searches.are_spent() {
                 break;
@@ -185,7 +192,7 @@ impl Subsets {
             let subset = fix_without(searches, doubted, suspect, rate);
             if suspect == LeftOut::MixedReceiverPhases {
                 let found = subset.as_ref().and_then(|subset| subset.fix.found.as_ref().ok());
-                self.misfit_without_unlike = found.map(|found| found.misfit);
+                misfit_without_mixed = found.map(|found| found.misfit);
             }
             let subset = subset.filter(|subset| subset.fix.is_accepted());
             if suspect == LeftOut::Code && subset.is_none() {
@@ -196,7 +203,8 @@ impl Subsets {
         if doubted.fix.is_accepted() {
             fixed.retain(|subset| doubted.is_better(subset));
         }
-        fixed.into_iter().min_by(|a, b| a.fix.rivals().total_cmp(&b.fix.rivals()))
+        let best = fixed.into_iter().min_by(|a, b| a.fix.rivals().total_cmp(&b.fix.rivals()));
+        Trials { best, misfit_without_mixed }
     }
 }
 

@@ -73,6 +73,7 @@ struct Waiting {
 #[derive(Debug, Clone)]
 struct Instant {
     earliest: GpsTime,
+    latest: GpsTime,
     window_s: f64,
     /// Which antennas are in it.
     has: Vec<bool>,
@@ -101,8 +102,8 @@ impl Matcher {
     /// Takes an epoch that came at `now_s` (s, by any clock that does not step) and gives the instant
     /// that it completes, if it does; [`Matcher::poll`] then gives further ones.
     ///
-    /// An epoch whose instant has gone out already, or that is not later than the one before of the
-    /// same antenna, is dropped and counted ([`Matcher::late`]).
+    /// An epoch whose instant has gone out already, or that is not later than the instant before or
+    /// than the epoch before of the same antenna, is dropped and counted ([`Matcher::late`]).
     ///
     /// # Panics
     ///
@@ -114,7 +115,7 @@ impl Matcher {
         if self.is_late(antenna, time) {
             self.queues[antenna].late += 1;
             if self.clock_stepped_back(time, now_s) {
-                self.begin_anew(time);
+                self.begin_anew();
             }
         } else {
             self.queues[antenna].waiting.push_back(Waiting { epoch, arrived_s: now_s });
@@ -247,15 +248,14 @@ impl Matcher {
         })
     }
 
-    /// The instant has gone out without it, or it is not later than the one before.
+    /// The instant has gone out without it, or it is not later than what went out, or than the one before.
     fn is_late(&self, antenna: usize, time: GpsTime) -> bool {
         let queue = &self.queues[antenna];
         let before = queue.waiting.back().map(|waiting| waiting.epoch.time).or(queue.taken);
         before.is_some_and(|before| time <= before)
-            || self
-                .last
-                .as_ref()
-                .is_some_and(|last| !last.has[antenna] && time - last.earliest < last.window_s)
+            || self.last.as_ref().is_some_and(|last| {
+                time <= last.latest || !last.has[antenna] && time - last.earliest < last.window_s
+            })
     }
 
     fn take(&mut self, earliest: GpsTime, window_s: f64, now_s: f64) -> ArrayEpoch {
@@ -274,7 +274,14 @@ impl Matcher {
             antennas.push(Some(waiting.epoch));
         }
         let has = antennas.iter().map(Option::is_some).collect();
-        self.last = Some(Instant { earliest, window_s, has, left_s: now_s });
+        let latest = antennas.iter().flatten().map(|epoch| epoch.time).fold(earliest, GpsTime::max);
+        for queue in &mut self.queues {
+            // Of an antenna with a tag ahead of its time: its right epoch has no instant any more.
+            while queue.waiting.pop_front_if(|waiting| waiting.epoch.time <= latest).is_some() {
+                queue.late += 1;
+            }
+        }
+        self.last = Some(Instant { earliest, latest, window_s, has, left_s: now_s });
         let time = antennas.iter().flatten().next().map_or(earliest, |epoch| epoch.time);
         ArrayEpoch { time, antennas, station: None }
     }
@@ -330,14 +337,13 @@ impl Matcher {
             && self.is_of_majority(time, now_s)
     }
 
-    /// Time is about `time` again: what went out before, and what waits, does not bind any more.
-    fn begin_anew(&mut self, time: GpsTime) {
+    /// Time was set back: what went out before, and what waits, does not bind any more.
+    fn begin_anew(&mut self) {
         self.last = None;
         for queue in &mut self.queues {
             queue.taken = None;
-            let before = queue.waiting.len();
-            queue.waiting.retain(|w| (w.epoch.time - time).abs() <= MIN_DOUBTED_STEP_S);
-            queue.strays += (before - queue.waiting.len()) as u64;
+            queue.strays += queue.waiting.len() as u64;
+            queue.waiting.clear();
         }
     }
 
@@ -510,6 +516,32 @@ mod tests {
     }
 
     #[test]
+    fn before_an_interval_is_known_the_usual_deadline_is_a_tenth_of_a_second() {
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::HalfInterval);
+        assert_eq!(push(&mut matcher, 0, 1.0, 5.0), None);
+        assert_eq!(matcher.due_at_s(), Some(5.0 + MAX_USUAL_DEADLINE_S));
+    }
+
+    #[test]
+    fn the_deadline_does_not_count_from_an_epoch_of_the_next_instant() {
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::Seconds(0.1));
+        for tow_s in [1.25, 2.0] {
+            push(&mut matcher, 0, tow_s, tow_s);
+            push(&mut matcher, 1, tow_s, tow_s);
+        }
+        // Half an interval, 0.375 s, is another instant.
+        assert_eq!(push(&mut matcher, 1, 3.375, 3.0), None);
+        assert_eq!(push(&mut matcher, 0, 3.0, 3.05), Some((3.0, vec![Some(3.0), None])));
+        assert_eq!(push(&mut matcher, 0, 4.5, 3.06), Some((3.375, vec![None, Some(3.375)])));
+
+        let mut matcher = Matcher::new(3).with_deadline(Deadline::Seconds(0.1));
+        matcher.interval_s = 0.75;
+        assert_eq!(push(&mut matcher, 1, 3.375, 3.0), None);
+        assert_eq!(push(&mut matcher, 0, 3.0, 3.05), None);
+        assert_eq!(matcher.due_at_s(), Some(3.05 + 0.1));
+    }
+
+    #[test]
     fn who_comes_when_the_instant_is_gone_is_late_and_on_time_again_afterwards() {
         let mut matcher = running(2);
         assert_eq!(push(&mut matcher, 0, 12.0, 12.0), None);
@@ -593,6 +625,21 @@ mod tests {
         assert_eq!(push(&mut matcher, 0, 60.0, 11.5), None);
         assert_eq!(poll(&mut matcher, 12.0), None, "the other one was there half a second ago");
         assert_eq!(poll(&mut matcher, 13.5), Some((60.0, vec![Some(60.0), None])));
+    }
+
+    /// What went out when the doubted epoch came does not contradict it, and who is silent for two seconds is not there.
+    #[test]
+    fn the_patience_with_a_doubted_instant_ends_after_two_seconds() {
+        let mut matcher = running(2);
+        assert_eq!(push(&mut matcher, 0, 60.0, 11.0), None);
+        assert_eq!(poll(&mut matcher, 11.0 + PATIENCE_S), Some((60.0, vec![Some(60.0), None])));
+
+        let mut matcher = Matcher::new(2).with_deadline(Deadline::Seconds(0.0));
+        for tow_s in [10.0, 11.0] {
+            assert!(push(&mut matcher, 1, tow_s, tow_s).is_some());
+        }
+        let alone = Some((60.0, vec![Some(60.0), None]));
+        assert_eq!(push(&mut matcher, 0, 60.0, 11.0 + PATIENCE_S), alone);
     }
 
     /// Three seconds, or three half intervals, are no step.

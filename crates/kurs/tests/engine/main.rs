@@ -1,6 +1,6 @@
 //! The engine as its users see it: recorded epochs, epochs made by a measurement equation of their own, and
 //! epochs that nobody would measure.
-#![allow(clippy::unwrap_used, clippy::duplicate_mod)] // a test; each example stands alone
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::duplicate_mod)] // a test; each example stands alone
 
 mod acceptance;
 mod left_out;
@@ -9,6 +9,7 @@ mod recorded;
 #[path = "../../examples/data/recording.rs"]
 mod recording;
 mod rows;
+mod sequences;
 mod velocity;
 #[path = "../../examples/data/world.rs"]
 mod world;

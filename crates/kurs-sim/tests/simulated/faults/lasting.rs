@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use kurs::solution::{Reason, Status};
 
-use super::scene::{PLACES_M, Scene, array};
+use super::scene::{Outcome, PLACES_M, Scene, array};
 
 /// What becomes of the rows with these places in the configuration.
 #[derive(Default)]
@@ -107,4 +107,29 @@ fn one_antenna_lower() {
             assert!(!shows || found.share >= 0.95, "{antenna} {lower_m}");
         }
     }
+}
+
+/// One band of two antennas: a part of the epochs has wrong integers by chance, and some of those have the told length.
+#[test]
+fn a_length_five_centimetres_longer_or_shorter() {
+    let (mut rows, mut wrong) = (0, 0);
+    for (longer, seed) in [0.05, -0.05].into_iter().flat_map(|by| (1..=5).map(move |s| (by, s))) {
+        let mut scene = Scene::new(2, |scenario| {
+            (scenario.interval_s, scenario.duration_s) = (1.0, 100.0);
+            scenario.seed = seed;
+            scenario.multipath.phase_sd_m = 0.004;
+        });
+        let mut told_m = [PLACES_M[0], PLACES_M[1]];
+        told_m[1][0] += longer;
+        scene.settings.array = Some(array(&told_m));
+        scene.run(
+            |_, epoch| vec![epoch],
+            |_, _, outcome| {
+                rows += 1;
+                wrong += usize::from(outcome == Outcome::Wrong);
+            },
+        );
+    }
+    println!("{wrong} of {rows} wrong");
+    assert!(rows > 1000 && wrong <= 1, "{wrong} of {rows}");
 }

@@ -1,5 +1,4 @@
 //! Whole trajectories: consistency with the model of motion, and the constants of stations.
-#![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::trajectory::measurement::{Measurement, Quantity};

@@ -1,6 +1,5 @@
 //! Faulty satellites: any one or two with errors of 50 to 1000 m are excluded and the position
 //! recovers; clean data lose none.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use kurs::atmosphere::Troposphere;
 use kurs::ephemeris::{NavigationData, SatelliteState};

@@ -1,13 +1,9 @@
 //! Attitudes at the edges of the methods, against a referee that starts from many attitudes: half
 //! turns, flat arrays, satellites on a cone, arrays that are nearly a line.
-#![allow(clippy::unwrap_used)]
-
-#[path = "../examples/attitude_study/scene.rs"]
-#[allow(dead_code)] // the arrays here are others
-mod scene;
 
 use core::f64::consts::PI;
 
+use super::scene::random_rotation;
 use kurs::attitude::reduction::{BaselineWeight, SingleDifferences};
 use kurs::attitude::uniqueness::angle_between;
 use kurs::attitude::weighted::exponential;
@@ -16,7 +12,6 @@ use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use scene::random_rotation;
 
 const WEIGHT: BaselineWeight = BaselineWeight::SharedAntenna;
 const SIGMA_M: f64 = 0.005;

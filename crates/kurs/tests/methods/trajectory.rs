@@ -1,7 +1,6 @@
 //! Least squares on trajectory points: convergence, consistency of any mixture, outliers.
 //!
 //! Geometry: `docs/experiments/trajectory.md`. Seeds and bands were fixed beforehand.
-#![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::trajectory::accuracy::{draw_errors, error_free};

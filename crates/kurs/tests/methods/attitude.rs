@@ -1,15 +1,6 @@
 //! Properties of the attitude methods on random problems, and reduced runs of the studies.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-#[path = "../examples/attitude_study/continuation.rs"]
-#[allow(dead_code)] // the printed table is the example's
-mod continuation;
-#[path = "../examples/attitude_study/minima.rs"]
-#[allow(dead_code)] // the printed table is the example's
-mod minima;
-#[path = "../examples/attitude_study/scene.rs"]
-mod scene;
-
+use super::scene::{Antennas, Scene, random_rotation};
 use kurs::attitude::coordinates::{CoordinateNormal, MeasuredPoint};
 use kurs::attitude::reduction::{BaselineWeight, SingleDifferences};
 use kurs::attitude::undifferenced::{self, UndifferencedPhase};
@@ -22,7 +13,6 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use scene::{Antennas, Scene, random_rotation};
 
 const FULL: BaselineWeight = BaselineWeight::SharedAntenna;
 
@@ -40,7 +30,7 @@ fn solved(problem: &AttitudeProblem) -> Matrix3<f64> {
 #[test]
 fn wahba_and_newton_reach_the_global_minimum() {
     for (antennas, noise) in [(Antennas::Roof, 0.4), (Antennas::Roof, 1.0), (Antennas::Cube, 4.0)] {
-        let study = minima::study(antennas, 300, noise);
+        let study = super::minima::study(antennas, 300, noise);
         assert_eq!(study.newton_misses, [0_usize; 0], "{antennas:?} ×{noise}");
         assert_eq!(study.checked_misses, [0_usize; 0], "{antennas:?} ×{noise}");
         assert!(study.certified >= 270, "{antennas:?} ×{noise}: {study:?}");
@@ -52,7 +42,7 @@ fn wahba_and_newton_reach_the_global_minimum() {
 /// diverges; scaled, two steps leave some hundredths of a degree and Newton's method nothing.
 #[test]
 fn continuation_against_newton() {
-    let errors = continuation::errors(60);
+    let errors = super::continuation::errors(60);
     let median = |name: &str| {
         let found = errors.iter().find(|errors| errors.name == name).unwrap();
         found.angles_deg[found.angles_deg.len() / 2]

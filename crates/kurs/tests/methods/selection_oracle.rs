@@ -1,6 +1,5 @@
 //! The choice of baselines against every tree, written down by another method: Prüfer's sequences,
 //! and the eigenvalues of a library.
-#![allow(clippy::unwrap_used)]
 
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;

@@ -1,6 +1,6 @@
 //! H of the rotating-arm model against dual numbers, at random points all over the Earth: the model
 //! written a second time, straight from its formulas, and differentiated by machine.
-#![allow(clippy::unwrap_used, clippy::cast_possible_truncation)]
+#![allow(clippy::cast_possible_truncation)]
 
 use core::f64::consts::{PI, TAU};
 use core::ops::{Add, Div, Mul, Neg, Sub};
