@@ -237,6 +237,8 @@ for (const colorScheme of ["light", "dark"]) {
     await sleep(1500);
     const overflow = await tab.evaluate("document.documentElement.scrollWidth - window.innerWidth");
     if (overflow > 1) fault(`${name}: ${overflow} px wider than the screen`);
+    const table = await tab.evaluate("(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)(document.querySelector('#streams .scroll'))");
+    if (table > 1) fault(`${name}: the table of streams is ${table} px wider than its place`);
     await tab.screenshot({ path: join(folder, `live-${name}-${colorScheme}.png`), fullPage: true });
     await context.close();
   }

@@ -34,6 +34,7 @@ mod sensor_log;
 mod session_span;
 mod simulate;
 mod solve;
+mod stated_interference;
 mod summary;
 mod survey;
 mod table;

@@ -1,6 +1,6 @@
 //! Where bytes come from and go to: `serial:///dev/ttyACM0?baud=460800`, `tcp://HOST:PORT`,
 //! `tcp-listen://[HOST]:PORT`, `udp://[HOST]:PORT`, `ntrip[s]://[USER[:PASSWORD]@]HOST[:PORT]/MOUNT`,
-//! `file://LOG[?speed=1]`.
+//! `mqtt://[USER[:PASSWORD]@]HOST[:PORT]/TOPIC`, `file://LOG[?speed=1]`.
 
 use core::fmt;
 use core::str::FromStr;
@@ -10,6 +10,8 @@ use std::path::PathBuf;
 const NTRIP_PORT: u16 = 2101;
 /// Port of NTRIP casters with TLS where none is given.
 const NTRIPS_PORT: u16 = 443;
+/// Port of MQTT brokers where none is given.
+const MQTT_PORT: u16 = 1883;
 /// Baud rate of serial ports where none is given: what receivers come with most often.
 const BAUD: u32 = 115_200;
 
@@ -40,6 +42,8 @@ pub enum Address {
     },
     /// A caster.
     Ntrip(Ntrip),
+    /// A topic of a broker.
+    Mqtt(Mqtt),
     /// A recorded log.
     File {
         /// The log.
@@ -52,16 +56,32 @@ pub enum Address {
 /// A mount point of a caster.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Ntrip {
-    /// Name or number of the caster.
+    /// The caster.
+    pub place: Place,
+    /// The stream.
+    pub mount: String,
+    /// Whether the connection is encrypted.
+    pub tls: bool,
+}
+
+/// A topic of an MQTT broker.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Mqtt {
+    /// The broker.
+    pub place: Place,
+    /// The topic.
+    pub topic: String,
+}
+
+/// A server with what it is told of the one who asks.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Place {
+    /// Name or number of the computer.
     pub host: String,
     /// Its port.
     pub port: u16,
     /// Name and password.
     pub user: Option<(String, String)>,
-    /// The stream.
-    pub mount: String,
-    /// Whether the connection is encrypted.
-    pub tls: bool,
 }
 
 /// What is wrong with an address.
@@ -83,9 +103,23 @@ impl fmt::Debug for Ntrip {
 
 impl fmt::Display for Ntrip {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { host, port, mount, tls, .. } = self;
+        let Self { place: Place { host, port, .. }, mount, tls } = self;
         let scheme = if *tls { "ntrips" } else { "ntrip" };
         write!(f, "{scheme}://{host}:{port}/{mount}")
+    }
+}
+
+/// A password is not for logs.
+impl fmt::Debug for Mqtt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self}")
+    }
+}
+
+impl fmt::Display for Mqtt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { place: Place { host, port, .. }, topic } = self;
+        write!(f, "mqtt://{host}:{port}/{topic}")
     }
 }
 
@@ -97,6 +131,7 @@ impl fmt::Display for Address {
             Self::TcpListen { at } => write!(f, "tcp-listen://{at}"),
             Self::Udp { at } => write!(f, "udp://{at}"),
             Self::Ntrip(ntrip) => write!(f, "{ntrip}"),
+            Self::Mqtt(mqtt) => write!(f, "{mqtt}"),
             Self::File { path, .. } => write!(f, "file://{}", path.display()),
         }
     }
@@ -123,6 +158,12 @@ impl Address {
         matches!(self, Self::File { .. })
     }
 
+    /// Whether it is a bus, whose messages are lines.
+    #[must_use]
+    pub const fn is_bus(&self) -> bool {
+        matches!(self, Self::Mqtt(_))
+    }
+
     /// Bits a second of the line; of what is no line, those of receivers.
     #[must_use]
     pub const fn baud(&self) -> u32 {
@@ -143,7 +184,7 @@ impl Address {
 }
 
 fn parse(text: &str) -> Result<Address, String> {
-    const SCHEMES: &str = "expected serial://, tcp://, tcp-listen://, udp://, ntrip://, ntrips:// \
+    const SCHEMES: &str = "expected serial://, tcp://, tcp-listen://, udp://, ntrip://, ntrips://, mqtt:// \
         or file://";
     let (scheme, rest) = text.split_once("://").ok_or(SCHEMES)?;
     match scheme {
@@ -155,6 +196,8 @@ fn parse(text: &str) -> Result<Address, String> {
         "tcp-listen" => Ok(Address::TcpListen { at: host_and_port(rest, Some("127.0.0.1"))? }),
         "udp" => Ok(Address::Udp { at: host_and_port(rest, Some("127.0.0.1"))? }),
         "ntrip" | "ntrips" => ntrip(rest, scheme == "ntrips").map(Address::Ntrip),
+        "mqtt" if cfg!(feature = "mqtt") => mqtt(rest).map(Address::Mqtt),
+        "mqtt" => Err(format!("this program was built without the feature `{scheme}`")),
         "file" => {
             let (path, speed) = with_option(rest, "speed", 1.0)?;
             if !(0.0..=1e6).contains(&speed) {
@@ -196,8 +239,23 @@ fn host_and_port(text: &str, default_host: Option<&str>) -> Result<String, Strin
 }
 
 fn ntrip(text: &str, tls: bool) -> Result<Ntrip, String> {
-    const FORM: &str = "expected [USER[:PASSWORD]@]HOST[:PORT]/MOUNT";
-    let (authority, mount) = text.split_once('/').ok_or(FORM)?;
+    let default_port = if tls { NTRIPS_PORT } else { NTRIP_PORT };
+    let (place, mount) = place_and_name(text, default_port, "MOUNT")?;
+    Ok(Ntrip { place, mount, tls })
+}
+
+fn mqtt(text: &str) -> Result<Mqtt, String> {
+    let (place, topic) = place_and_name(text, MQTT_PORT, "TOPIC")?;
+    if topic.contains(['+', '#']) {
+        return Err("a topic has neither `+` nor `#`".into());
+    }
+    Ok(Mqtt { place, topic })
+}
+
+/// Reads `[USER[:PASSWORD]@]HOST[:PORT]/NAME`, in which `what` stands for the name.
+fn place_and_name(text: &str, default_port: u16, what: &str) -> Result<(Place, String), String> {
+    let form = || format!("expected [USER[:PASSWORD]@]HOST[:PORT]/{what}");
+    let (authority, name) = text.split_once('/').ok_or_else(form)?;
     let (user, place) = match authority.rsplit_once('@') {
         Some((user, place)) => (Some(user), place),
         None => (None, authority),
@@ -210,13 +268,13 @@ fn ntrip(text: &str, tls: bool) -> Result<Ntrip, String> {
         Some((host, port)) => {
             (host, port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?)
         }
-        None => (place, if tls { NTRIPS_PORT } else { NTRIP_PORT }),
+        None => (place, default_port),
     };
     let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_graphic());
-    if host.is_empty() || mount.is_empty() || !is_plain(host) || !is_plain(mount) {
-        return Err(FORM.into());
+    if host.is_empty() || name.is_empty() || !is_plain(host) || !is_plain(name) {
+        return Err(form());
     }
-    Ok(Ntrip { host: host.into(), port, user, mount: mount.into(), tls })
+    Ok((Place { host: host.into(), port, user }, name.into()))
 }
 
 /// Undoes `%40` and the like.
@@ -282,17 +340,41 @@ mod tests {
         let Address::Ntrip(caster) = read("ntrip://me%40home:p%3Aw@caster.org:2102/MOUNT7") else {
             panic!("a caster");
         };
-        assert_eq!((caster.host.as_str(), caster.port), ("caster.org", 2102));
-        assert_eq!(caster.user, Some(("me@home".into(), "p:w".into())));
+        assert_eq!((caster.place.host.as_str(), caster.place.port), ("caster.org", 2102));
+        assert_eq!(caster.place.user, Some(("me@home".into(), "p:w".into())));
         assert_eq!((caster.mount.as_str(), caster.tls), ("MOUNT7", false));
         assert_eq!(format!("{caster} {caster:?}").matches("p:w").count(), 0);
         let ports = ["ntrip://h/M", "ntrips://h/M"].map(|text| match read(text) {
-            Address::Ntrip(caster) => (caster.port, caster.tls, caster.user),
+            Address::Ntrip(caster) => (caster.place.port, caster.tls, caster.place.user),
             _ => panic!("a caster"),
         });
         assert_eq!(ports, [(2101, false, None), (443, true, None)]);
         let error = "ntrip://me:secret@h:x/M".parse::<Address>().unwrap_err().to_string();
         assert!(!error.contains("secret") && error.contains("me:…@h"), "{error}");
+    }
+
+    #[test]
+    #[cfg(feature = "mqtt")]
+    fn topics_are_read_and_their_passwords_stay_out_of_sight() {
+        let Address::Mqtt(topic) = read("mqtt://me:pw@broker:1884/kurs/ferry") else {
+            panic!("a topic");
+        };
+        assert_eq!((topic.place.host.as_str(), topic.place.port), ("broker", 1884));
+        assert_eq!(topic.topic, "kurs/ferry");
+        assert_eq!(format!("{topic} {topic:?}").matches("pw").count(), 0);
+        let Address::Mqtt(topic) = read("mqtt://broker/ferry") else { panic!("a topic") };
+        assert_eq!((topic.place.port, topic.place.user), (1883, None));
+        for (text, part) in [("mqtt://h", "TOPIC"), ("mqtt://h/a/#", "neither")] {
+            let error = text.parse::<Address>().unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    #[cfg(not(feature = "mqtt"))]
+    fn a_bus_that_is_not_built_in_is_named() {
+        let error = "mqtt://h/t".parse::<Address>().unwrap_err().to_string();
+        assert!(error.contains("without the feature `mqtt`"), "{error}");
     }
 
     #[test]

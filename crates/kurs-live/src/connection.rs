@@ -9,10 +9,12 @@ use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{Instant, sleep_until, timeout};
 
+#[cfg(feature = "mqtt")]
+use crate::bus::Subscription;
 use crate::ntrip::NtripStream;
 
 /// A connection that cannot be made within this time is tried again.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+pub(crate) const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// A file that is played as fast as possible is read in pieces of this size.
 const PIECE: usize = 16 * 1024;
 
@@ -22,6 +24,8 @@ pub(crate) enum Connection {
     Serial(SerialPort),
     Udp(UdpSocket),
     Ntrip(Box<NtripStream>),
+    #[cfg(feature = "mqtt")]
+    Bus(Subscription),
     File(tokio::fs::File),
     Marked(Box<MarkedFile>),
 }
@@ -79,6 +83,8 @@ impl Connection {
                 }
             },
             Self::Ntrip(stream) => stream.read(buffer).await,
+            #[cfg(feature = "mqtt")]
+            Self::Bus(subscription) => subscription.read(buffer).await,
             Self::File(file) => {
                 let piece = buffer.len().min(PIECE);
                 file.read(&mut buffer[..piece]).await

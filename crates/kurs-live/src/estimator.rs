@@ -32,8 +32,6 @@ const EXPIRES: Duration = Duration::from_millis(300);
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// Tags of receivers with one clock are equal to better than this, ns.
 const ONE_CLOCK_NS: u64 = 1000;
-/// What was received is kept on disk so often.
-const SAVE_INTERVAL: Duration = Duration::from_secs(60);
 
 /// See the module.
 pub(crate) struct Estimator {
@@ -60,7 +58,6 @@ pub(crate) struct Estimator {
     pub(crate) gga: (watch::Sender<Option<String>>, Gga),
     pub(crate) known_time: watch::Sender<Option<GpsTime>>,
     pub(crate) state: Option<StateFiles>,
-    pub(crate) saved: Instant,
     pub(crate) began: Instant,
     /// Inputs that have not ended.
     pub(crate) inputs: usize,
@@ -141,7 +138,7 @@ impl Estimator {
             }
             self.send_carried();
             self.return_permits();
-            self.save(SAVE_INTERVAL);
+            self.state.iter_mut().for_each(|state| state.save(&self.navigation));
         }
         while let Some(epoch) = self.matcher.flush(self.now_s()) {
             self.complete(epoch);
@@ -151,7 +148,9 @@ impl Estimator {
         }
         self.carrier.iter_mut().for_each(Carrier::finish);
         self.send_carried();
-        self.save(Duration::ZERO);
+        if let Some(state) = self.state {
+            state.finish(self.navigation);
+        }
     }
 
     fn now_s(&self) -> f64 {
@@ -189,6 +188,7 @@ impl Estimator {
         for news in self.received.release(&epoch) {
             self.engine.insert(&news);
             self.navigation.update(&news);
+            self.state.iter_mut().for_each(|state| state.note_news(&news));
         }
         let mut row = match &mut self.carrier {
             None => self.engine.push(&epoch, None),
@@ -307,14 +307,6 @@ impl Estimator {
             while antenna.arrivals.len() > waiting + 1 {
                 antenna.arrivals.pop_front();
             }
-        }
-    }
-
-    fn save(&mut self, interval: Duration) {
-        let Some(state) = &mut self.state else { return };
-        if self.saved.elapsed() >= interval {
-            self.saved = Instant::now();
-            state.save(&self.navigation);
         }
     }
 

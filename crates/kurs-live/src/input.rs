@@ -284,6 +284,12 @@ impl Running {
                     }
                 }
             }
+            #[cfg(feature = "mqtt")]
+            Address::Mqtt(topic) => {
+                crate::mqtt::subscribe(topic).await.map(Connection::Bus).map_err(broken)
+            }
+            #[cfg(not(feature = "mqtt"))]
+            Address::Mqtt(_) => Err(End::Final("the feature `mqtt` is not built in".into())),
             Address::TcpListen { at } => Err(End::Final(format!("{at} is listened at"))),
         }
     }

@@ -22,6 +22,8 @@ mod access;
 mod address;
 mod back_off;
 mod band_level;
+#[cfg(feature = "mqtt")]
+mod bus;
 mod connection;
 mod decoder;
 mod estimator;
@@ -29,6 +31,8 @@ mod http;
 mod imu;
 mod input;
 mod lines;
+#[cfg(feature = "mqtt")]
+mod mqtt;
 mod ntrip;
 mod output;
 mod page;
@@ -41,7 +45,7 @@ mod state;
 mod status;
 mod systemd;
 
-pub use address::{Address, BadAddress, Ntrip};
+pub use address::{Address, BadAddress, Mqtt, Ntrip, Place};
 pub use imu::{Imu, ReadSamples, SampleLines};
 pub use input::{Input, STATION};
 pub use lines::Lines;

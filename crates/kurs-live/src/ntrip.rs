@@ -14,7 +14,7 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_rustls::TlsConnector;
 
-use crate::address::Ntrip;
+use crate::address::{Ntrip, Place};
 use crate::connection::Duplex;
 
 /// The caster must have answered within this time.
@@ -51,11 +51,11 @@ pub(crate) async fn connect(
     version: u8,
     gga: Option<&str>,
 ) -> Result<NtripStream, NtripError> {
-    let to = (caster.host.as_str(), caster.port);
+    let to = (caster.place.host.as_str(), caster.place.port);
     let tcp = timeout(ANSWER_TIMEOUT, TcpStream::connect(to)).await.map_err(io::Error::from)??;
     tcp.set_nodelay(true)?;
     let stream: Box<dyn Duplex> = match caster.tls {
-        true => Box::new(encrypted(tcp, &caster.host).await?),
+        true => Box::new(encrypted(tcp, &caster.place.host).await?),
         false => Box::new(tcp),
     };
     let mut stream = BufReader::new(stream);
@@ -87,7 +87,7 @@ async fn encrypted(
 }
 
 fn request(caster: &Ntrip, version: u8, gga: Option<&str>) -> String {
-    let Ntrip { host, port, mount, user, .. } = caster;
+    let Ntrip { place: Place { host, port, user }, mount, .. } = caster;
     let agent = concat!("NTRIP Kurs/", env!("CARGO_PKG_VERSION"));
     let mut text = match version {
         1 => format!("GET /{mount} HTTP/1.0\r\nUser-Agent: {agent}\r\n"),
@@ -142,7 +142,7 @@ fn judge(answer: &[String], caster: &Ntrip) -> Result<bool, NtripError> {
     match (protocol, code) {
         ("SOURCETABLE", _) => Err(no_mount()),
         (_, "401" | "403") => {
-            let user = caster.user.as_ref().map_or("nobody", |(name, _)| name);
+            let user = caster.place.user.as_ref().map_or("nobody", |(name, _)| name);
             Err(NtripError::Final(format!("{caster}: the caster refuses the password of {user}")))
         }
         (_, "404") => Err(no_mount()),
@@ -159,7 +159,8 @@ fn judge(answer: &[String], caster: &Ntrip) -> Result<bool, NtripError> {
 /// Why there is no stream, in words.
 pub fn body_of_answer(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let user = Some(("name".to_owned(), "password".to_owned()));
-    let caster = Ntrip { host: "caster".into(), port: 2101, user, mount: "M".into(), tls: false };
+    let place = Place { host: "caster".into(), port: 2101, user };
+    let caster = Ntrip { place, mount: "M".into(), tls: false };
     let sent: Box<dyn Duplex> =
         Box::new(tokio::io::join(io::Cursor::new(bytes.to_owned()), tokio::io::sink()));
     let runtime = tokio::runtime::Builder::new_current_thread().build();
@@ -243,7 +244,8 @@ mod tests {
 
     fn caster() -> Ntrip {
         let user = Some(("me".to_owned(), "secret".to_owned()));
-        Ntrip { host: "h".into(), port: 2101, user, mount: "M".into(), tls: false }
+        let place = Place { host: "h".into(), port: 2101, user };
+        Ntrip { place, mount: "M".into(), tls: false }
     }
 
     /// The examples of RFC 4648, section 10.

@@ -1,4 +1,4 @@
-//! Where messages go: TCP as server and client, UDP, serial. A receiver that does not read is left
+//! Where messages go: TCP as server and client, UDP, serial, a bus. A receiver that does not read is left
 //! behind or dropped; nothing waits for it, and nothing gathers.
 
 use std::sync::Arc;
@@ -125,6 +125,10 @@ pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
                 send_for_ever(receiver, &partner, &status, open).await;
             }
             Address::Udp { at } => send_datagrams(&at, receiver, &status).await,
+            #[cfg(feature = "mqtt")]
+            Address::Mqtt(topic) => crate::mqtt::publish(&topic, receiver, status).await,
+            #[cfg(not(feature = "mqtt"))]
+            Address::Mqtt(_) => {}
             Address::Ntrip(_) | Address::File { .. } => {}
         }
     });

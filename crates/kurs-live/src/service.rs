@@ -206,7 +206,10 @@ impl Inputs {
 
     /// Connects the stream of this name anew; tells whether there is one.
     fn restart(&mut self, name: &str) -> bool {
-        let is_named = |input: &Input| input.antennas.iter().any(|(_, of, _)| of == name);
+        let is_named = |input: &Input| {
+            let of_lines = input.lines.as_ref().is_some_and(|lines| lines.name() == name);
+            of_lines || input.antennas.iter().any(|(_, of, _)| of == name)
+        };
         let place = self.running.iter().position(|(input, task)| {
             // A recording would begin again, and an ended stream is counted out.
             is_named(input) && !input.address.is_file() && !task.is_finished()
@@ -331,6 +334,7 @@ async fn serve(
         let (imu_status, permits) = (Arc::clone(&inputs.imu), Arc::clone(&inputs.imu_permits));
         Carrier::new(imu, setup.deadline, is_imu_unpaced, imu_status, permits)
     });
+    let state = setup.state_dir.map(StateFiles::new);
     let start_output = |output| output::start(output, Arc::clone(&status));
     let estimator = Estimator {
         carrier,
@@ -359,8 +363,7 @@ async fn serve(
         page,
         gga: (gga_sender, setup.gga),
         known_time: time_sender,
-        state: setup.state_dir.map(StateFiles::new),
-        saved: Instant::now(),
+        state: state.transpose().map_err(io("the service cannot start its threads"))?,
         began: Instant::now(),
         inputs: setup.inputs.iter().filter(|input| !input.is_optional()).count(),
         once: setup.once,

@@ -1,12 +1,18 @@
 //! What a restart should know: ephemerides (`ephemerides.rnx`), and time and place of the last row
-//! (`last.txt`). Written under another name and renamed, so that a file is whole or not there.
+//! (`last.txt`). Written under another name and renamed, so that a file is whole or not there, by a thread of
+//! its own: a disk that stalls delays no row.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::frames::{Geodetic, Vector};
+use kurs::signal::Satellite;
 use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
 use kurs_formats::rinex::write_navigation;
@@ -14,13 +20,29 @@ use kurs_formats::source::Source;
 
 const EPHEMERIDES: &str = "ephemerides.rnx";
 const LAST: &str = "last.txt";
+/// What only grows older is written so often.
+const INTERVAL: Duration = Duration::from_secs(60);
+/// What a run that is killed would have to wait for, so often at most: a receiver says a new ephemeris again
+/// after 30 s, and has those of all its satellites at once when it connects.
+const NEWS_INTERVAL: Duration = Duration::from_secs(1);
 
-/// The files, and what will be in them.
+/// What will be in the files, and when they were written.
 #[derive(Debug)]
 pub(crate) struct StateFiles {
-    directory: PathBuf,
+    snapshots: SyncSender<Snapshot>,
+    writer: thread::JoinHandle<()>,
     last: Option<(GpsTime, Option<Geodetic>)>,
-    saved: NavigationData,
+    /// Reference time of the newest ephemeris of every satellite.
+    newest: BTreeMap<Satellite, GpsTime>,
+    has_news: bool,
+    saved: Instant,
+}
+
+/// What is written at once.
+#[derive(Debug)]
+struct Snapshot {
+    navigation: NavigationData,
+    last: Option<(GpsTime, Option<Geodetic>)>,
 }
 
 /// What an earlier run left.
@@ -35,41 +57,77 @@ pub struct Remembered {
 }
 
 impl StateFiles {
-    pub(crate) fn new(directory: PathBuf) -> Self {
-        Self { directory, last: None, saved: NavigationData::default() }
+    /// Nothing is known yet.
+    ///
+    /// # Errors
+    ///
+    /// If the system has no thread for it.
+    pub(crate) fn new(directory: PathBuf) -> io::Result<Self> {
+        let (snapshots, received) = mpsc::sync_channel(1);
+        let write = move || write_all(&directory, &received);
+        let writer = thread::Builder::new().name("state".into()).spawn(write)?;
+        let (newest, saved) = (BTreeMap::new(), Instant::now());
+        Ok(Self { snapshots, writer, last: None, newest, has_news: false, saved })
     }
 
     pub(crate) fn note(&mut self, row: &EpochSolution) {
         let place = row.position.map(|position| position.geodetic);
         let before = self.last.and_then(|(_, place)| place);
+        self.has_news |= before.is_none() && place.is_some();
         self.last = Some((row.time, place.or(before)));
     }
 
-    /// Writes what has changed; a disk that is full is told of, and nothing more.
-    pub(crate) fn save(&mut self, navigation: &NavigationData) {
-        if let Err(error) = self.try_save(navigation) {
-            tracing::error!("{}: the state cannot be kept: {error}", self.directory.display());
+    pub(crate) fn note_news(&mut self, news: &NavigationData) {
+        for ephemeris in news.ephemerides.iter() {
+            let time = ephemeris.reference_time();
+            self.has_news |= self.newest.insert(ephemeris.satellite(), time) != Some(time);
         }
     }
 
-    fn try_save(&mut self, navigation: &NavigationData) -> io::Result<()> {
-        fs::create_dir_all(&self.directory)?;
-        if self.saved != *navigation {
-            let mut text = Vec::new();
-            write_navigation(&mut text, navigation)?;
-            replace(&self.directory.join(EPHEMERIDES), &text)?;
-            self.saved = navigation.clone();
+    /// Writes what has changed when it is time to; what finds the disk busy is written later.
+    pub(crate) fn save(&mut self, navigation: &NavigationData) {
+        let interval = if self.has_news { NEWS_INTERVAL } else { INTERVAL };
+        if self.saved.elapsed() >= interval {
+            self.saved = Instant::now();
+            let snapshot = Snapshot { navigation: navigation.clone(), last: self.last };
+            self.has_news &= self.snapshots.try_send(snapshot).is_err();
         }
-        if let Some((time, place)) = &self.last {
-            let mut text = time.as_nanoseconds().to_string();
-            if let Some(place) = place {
-                let xyz = place.to_ecef().xyz();
-                text += &format!(" {} {} {}", xyz.x, xyz.y, xyz.z);
-            }
-            replace(&self.directory.join(LAST), text.as_bytes())?;
-        }
-        Ok(())
     }
+
+    /// Writes everything and waits until it is there.
+    pub(crate) fn finish(self, navigation: NavigationData) {
+        let _ = self.snapshots.send(Snapshot { navigation, last: self.last });
+        drop(self.snapshots);
+        let _ = self.writer.join();
+    }
+}
+
+/// A disk that is full is told of, and nothing more.
+fn write_all(directory: &Path, snapshots: &Receiver<Snapshot>) {
+    let mut written = NavigationData::default();
+    for snapshot in snapshots {
+        if let Err(error) = write(directory, &snapshot, &written) {
+            tracing::error!("{}: the state cannot be kept: {error}", directory.display());
+        } else {
+            written = snapshot.navigation;
+        }
+    }
+}
+
+fn write(directory: &Path, snapshot: &Snapshot, written: &NavigationData) -> io::Result<()> {
+    fs::create_dir_all(directory)?;
+    if snapshot.navigation != *written {
+        let mut text = Vec::new();
+        write_navigation(&mut text, &snapshot.navigation)?;
+        replace(&directory.join(EPHEMERIDES), &text)?;
+    }
+    let Some((time, place)) = &snapshot.last else { return Ok(()) };
+    let mut text = time.as_nanoseconds().to_string();
+    if let Some(place) = place {
+        let xyz = place.to_ecef().xyz();
+        text += &format!(" {} {} {}", xyz.x, xyz.y, xyz.z);
+    }
+    replace(&directory.join(LAST), text.as_bytes())
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -118,11 +176,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let directory = folder.path().join("state");
         assert!(remembered(&directory).time.is_none());
-        let mut files = StateFiles::new(directory.clone());
+        let mut files = StateFiles::new(directory.clone()).unwrap();
         let time = GpsTime::from_week_tow(2300, 5.25).unwrap();
         files.note(&EpochSolution::lost(time, Reason::FewAntennas));
-        let navigation = NavigationData::default();
-        files.save(&navigation);
+        files.finish(NavigationData::default());
         let found = remembered(&directory);
         assert_eq!((found.time, found.place.is_none()), (Some(time), true));
 

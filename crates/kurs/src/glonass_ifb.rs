@@ -44,7 +44,7 @@ const PAIRS_FOR_ONE: f64 = 50.0;
 const MIN_SD_M: f64 = 0.0003;
 
 /// The biases of all pairs of receivers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct GlonassIfb {
     /// By reference antenna, rover and band.
     of: BTreeMap<(usize, usize, Band), Estimate>,

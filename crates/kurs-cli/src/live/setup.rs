@@ -109,6 +109,10 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
         };
         let address: Address =
             stream.parse().map_err(|error| UsageError(format!("{name}: stream {error}")))?;
+        if address.is_bus() {
+            let expected = "a bus has lines, an antenna bytes";
+            return Err(UsageError(format!("{name}: stream \"{address}\": {expected}")));
+        }
         let address = address.with_path(|path| loaded.path(&path));
         let antenna = (number, name.to_owned(), options);
         match inputs.iter_mut().find(|input| input.address == address) {
@@ -178,7 +182,7 @@ fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, U
     let wrong = |what: String| UsageError(format!("output `{}`: {what}", output.to));
     let address: Address = output.to.parse().map_err(|error| wrong(format!("{error}")))?;
     if matches!(address, Address::Ntrip(_) | Address::File { .. }) {
-        return Err(wrong("expected serial://, tcp://, tcp-listen:// or udp://".into()));
+        return Err(wrong("expected serial://, tcp://, tcp-listen://, udp:// or mqtt://".into()));
     }
     if let Some(rate_hz) = output.rate_hz
         && !(1e-3..=1000.0).contains(&rate_hz)

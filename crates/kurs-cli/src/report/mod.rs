@@ -10,6 +10,7 @@ use std::path::Path;
 
 use kurs::ephemeris::EphemerisStore;
 use kurs::frames::{Ecef, Geodetic, Vector};
+use kurs::observation::ArrayEpoch;
 use kurs::solution::{EpochSolution, Status};
 use kurs::time::GpsTime;
 use kurs::turn_rate::{AngleRates, TurnRate};
@@ -18,6 +19,7 @@ use crate::integers::Integers;
 use crate::map_files::{Heights, Way};
 use crate::page::Page;
 use crate::session_span::SessionSpan;
+use crate::stated_interference::StatedInterference;
 use crate::truth::TruthRow;
 use plots::{Epochs, Shown};
 use residuals::Residuals;
@@ -58,6 +60,7 @@ pub(crate) struct Report {
     integers: Integers,
     residuals: Residuals,
     views: Views,
+    interference: StatedInterference,
     way: Way,
 }
 
@@ -95,11 +98,17 @@ impl Report {
             integers: Integers::default(),
             residuals: Residuals::default(),
             views: Views::default(),
+            interference: StatedInterference::default(),
             way: Way::default(),
         }
     }
 
-    /// Takes an epoch in.
+    /// Takes in what the receivers state of foreign signals at an epoch.
+    pub(crate) fn add_statements(&mut self, epoch: &ArrayEpoch) {
+        self.interference.add(epoch);
+    }
+
+    /// Takes a row in.
     pub(crate) fn add(&mut self, row: &EpochSolution, truth: Option<&TruthRow>) {
         let step_s = self.span.last().map_or(0.0, |last| row.time - last);
         self.span.add(row.time);
@@ -145,6 +154,9 @@ impl Report {
         self.write_top(&mut page, words);
         self.write_angles(&mut page, &epochs);
         write_status(&mut page, &epochs);
+        for sentence in self.interference.sentences(&self.antennas) {
+            page.paragraph(&sentence);
+        }
         self.write_integers(&mut page);
         self.write_lengths(&mut page, &epochs);
         self.write_residuals(&mut page, &epochs);

@@ -152,7 +152,7 @@ pub(crate) enum Format {
     /// attitude.nmea as gpsd reads it: GGA, RMC, VTG, ZDA, PTNTHTM.
     #[value(name = "nmea:gpsd")]
     NmeaGpsd,
-    /// All of them and PASHR, which has the standard deviations (not for gpsd).
+    /// All of them, PASHR, which has the standard deviations, and PTNL,AVR (not for gpsd).
     #[value(name = "nmea:survey")]
     NmeaSurvey,
     /// position.pos and baseline-A-B.pos, as RTKLIB writes solutions and RTKPLOT opens them.
@@ -234,7 +234,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         summary.add(&row, row.shared_satellites >= 4);
         outputs.write(&row)?;
-        review.add(&row);
+        review.add(&epoch, &row);
         progress.epoch(row.is_fixed(), || streams.share());
     }
     let wall_s = progress.finish();

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use kurs::ephemeris::{EphemerisStore, NavigationData};
+use kurs::observation::ArrayEpoch;
 use kurs::solution::EpochSolution;
 
 use super::config::Loaded;
@@ -50,8 +51,8 @@ impl Review {
         Ok(Self { report, truth: truth.map(|truth| (truth, Agreement::default())) })
     }
 
-    /// Takes an epoch in.
-    pub(super) fn add(&mut self, row: &EpochSolution) {
+    /// Takes an epoch in, and its row.
+    pub(super) fn add(&mut self, epoch: &ArrayEpoch, row: &EpochSolution) {
         let mut known = None;
         if let Some((truth, agreement)) = &mut self.truth {
             known = truth.at(row.time);
@@ -60,6 +61,7 @@ impl Review {
             }
         }
         if let Some((report, _)) = &mut self.report {
+            report.add_statements(epoch);
             report.add(row, known);
         }
     }

@@ -171,6 +171,57 @@ fn no_common_band() {
     named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
 }
 
+/// A message of u-blox with these bytes of payload.
+fn ubx(class_and_id: [u8; 2], payload: &[u8]) -> Vec<u8> {
+    let length = u16::try_from(payload.len()).unwrap().to_le_bytes();
+    let body = [&class_and_id[..], &length, payload].concat();
+    let checksum = body.iter().fold((0_u8, 0_u8), |(a, b), byte| {
+        let a = a.wrapping_add(*byte);
+        (a, b.wrapping_add(a))
+    });
+    [&[0xb5, 0x62], body.as_slice(), &[checksum.0, checksum.1]].concat()
+}
+
+/// What a receiver states about foreign signals (NAV-STATUS: spoofing; MON-RF: a band that is jammed) in front of
+/// every epoch is the finding, and stands in the report.
+#[test]
+fn stated_interference() {
+    let (mut spoofed, mut jammed) = ([0; 16], [0; 28]);
+    spoofed[7] = 2 << 3;
+    (jammed[1], jammed[4 + 1]) = (1, 2);
+    let messages =
+        [("spoofing", ubx([0x01, 0x03], &spoofed)), ("jamming", ubx([0x0a, 0x38], &jammed))];
+    for (code, message) in messages {
+        let folder = TempDir::new().unwrap();
+        let tables = "[output]\nformats = [\"ubx\"]\n";
+        let configuration =
+            session(folder.path(), 118, NOON, &Fault { tables, ..Fault::default() });
+        let file = folder.path().join("A2.ubx");
+        let log = fs::read(&file).unwrap();
+        let mut with_statements = Vec::new();
+        for (at, byte) in log.iter().enumerate() {
+            if log[at..].starts_with(&[0xb5, 0x62, 0x02, 0x15]) {
+                with_statements.extend_from_slice(&message);
+            }
+            with_statements.push(*byte);
+        }
+        fs::write(&file, with_statements).unwrap();
+        assert_eq!(findings(&configuration), [code]);
+        let out = folder.path().join("solved");
+        let mut solve = kurs();
+        solve.arg("solve").arg(&configuration).args(["--quiet", "--report", "--out"]).arg(&out);
+        solve.assert().success();
+        let report = fs::read_to_string(out.join("report.html")).unwrap();
+        let sentence = match code {
+            "spoofing" => {
+                "A receiver states that satellites are imitated: A2 in 100 % of its epochs."
+            }
+            _ => "A receiver states that foreign signals disturb it: A2 in 100 % of its epochs.",
+        };
+        assert!(report.contains(sentence));
+    }
+}
+
 #[test]
 fn a_silent_antenna() {
     let tables = "[[outage]]\nfrom_s = 10.0\nto_s = 40.0\nantennas = [\"A0\", \"A1\", \"A2\"]\n";

@@ -28,7 +28,7 @@ pub(super) fn code_is_useless(fit: Fit) -> bool {
 }
 
 /// The search over the sphere, with the memory of its success rate.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct CodeFree {
     decorrelation: Decorrelation,
 }

@@ -33,7 +33,7 @@ use super::subset::{Doubted, Subsets, Trials};
 use super::witness::{Claim, Witness};
 
 /// The estimator of one array, without its navigation data.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Estimator {
     pub(super) settings: Settings,
     /// Phase centres of the antennas; empty if none is known.
@@ -157,6 +157,20 @@ impl Estimator {
             Err(reason) => row.outcome = Outcome::Lost { reason },
         }
         self.located = located;
+        row
+    }
+
+    /// The same of an epoch that is not to be believed: nothing is learnt from it but where phases were interrupted.
+    pub(crate) fn push_untrusted(
+        &mut self,
+        navigation: &NavigationData,
+        observed: &ArrayEpoch,
+        predicted: Option<&PredictedAttitude>,
+    ) -> EpochSolution {
+        let before = self.clone();
+        let row = self.push(navigation, observed, predicted);
+        let Self { continuity, mirror, .. } = core::mem::replace(self, before);
+        (self.continuity, self.mirror) = (continuity, mirror);
         row
     }
 
@@ -329,12 +343,10 @@ impl Estimator {
         let Fixed { epoch, fix, .. } = fixed;
         let integers = fix.found.as_ref().map(|found| found.integers.as_slice());
         let cycles = epoch.float.whole_cycles(&epoch.links, integers.unwrap_or_default());
-        let claim = Claim {
-            links: &epoch.links,
-            groups: &epoch.groups,
-            cycles: &cycles,
-            continuity: &self.continuity,
-        };
+        let arc = |link: &Link| self.continuity.number(link.antenna, link.satellite, link.signal);
+        let arcs: Vec<u32> = epoch.links.iter().map(arc).collect();
+        let claim =
+            Claim { links: &epoch.links, groups: &epoch.groups, cycles: &cycles, arcs: &arcs };
         self.witness.hear(&claim, self.levels.weight())
     }
 

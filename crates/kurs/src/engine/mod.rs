@@ -103,12 +103,14 @@ impl Engine {
         epoch: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
-        let mut row = self.estimator.push(&self.navigation, epoch, predicted);
         let is_spoofed = |of: &AntennaEpoch| of.interference.spoofing == Spoofing::Stated;
-        if self.settings().use_interference_flags && epoch.antennas.iter().flatten().any(is_spoofed)
-        {
-            row.refuse(Reason::Interference);
+        let is_trusted = !self.settings().use_interference_flags
+            || !epoch.antennas.iter().flatten().any(is_spoofed);
+        if is_trusted {
+            return self.estimator.push(&self.navigation, epoch, predicted);
         }
+        let mut row = self.estimator.push_untrusted(&self.navigation, epoch, predicted);
+        row.refuse(Reason::Interference);
         row
     }
 }

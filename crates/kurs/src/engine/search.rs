@@ -67,7 +67,7 @@ pub(super) struct Found {
 }
 
 /// The searches with their memory.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Searches {
     free: IntegerLeastSquares,
     length: LengthConstrained,

@@ -42,7 +42,7 @@ pub(super) struct Subset {
 }
 
 /// Looks for subsets, and remembers what was in vain.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Subsets {
     /// The last trial without code found nothing; until then none is worth its time.
     no_trial_without_code_until: GpsTime,

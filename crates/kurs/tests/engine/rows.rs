@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::world::{Motion, World};
 use super::{TRIANGLE_M, degrees, engine, rows, told};
+use kurs::observation::interference::Spoofing;
 use kurs::{EpochSolution, GpsTime, Reason, Settings};
 
 #[path = "../../examples/04_attitude_from_coordinates.rs"]
@@ -60,4 +61,44 @@ fn a_lost_row_serialises_with_its_reason() {
     for reason in Reason::ALL {
         assert_eq!(serde_json::to_value(reason).unwrap(), reason.word(), "the words are one");
     }
+}
+
+/// Codes that are metres off while a receiver states spoofing change no row before or behind, as those of the same epochs
+/// do that nobody speaks of.
+#[test]
+fn spoofed_epochs_teach_nothing() {
+    let body = Motion::at_rest(degrees(70.0, 2.0, -3.0), &TRIANGLE_M);
+    let rows_of = |is_disturbed: bool, spoofing: Spoofing| -> Vec<Value> {
+        let mut world = World::new().unwrap();
+        let mut engine = engine(told(&body), &world);
+        let row = |second: u32| {
+            let mut epoch = world.epoch(&body, f64::from(second));
+            if SPOOFED.contains(&second) {
+                let antenna = epoch.antennas[1].as_mut().unwrap();
+                antenna.interference.spoofing = spoofing;
+                for (number, observation) in (0..).zip(&mut antenna.observations) {
+                    let off_m = if is_disturbed { f64::from(number % 5 - 2) } else { 0.0 };
+                    observation.pseudorange_m = observation.pseudorange_m.map(|m| m + off_m);
+                }
+            }
+            serde_json::to_value(engine.push(&epoch)).unwrap()
+        };
+        (0..20).map(row).collect()
+    };
+    const SPOOFED: core::ops::Range<u32> = 8..14;
+    let believed = |rows: Vec<Value>| -> Vec<Value> {
+        let numbered = (0..).zip(rows).filter(|(second, _)| !SPOOFED.contains(second));
+        numbered.map(|(_, row)| row).collect()
+    };
+    let [good, spoofed] = [false, true].map(|is_disturbed| rows_of(is_disturbed, Spoofing::Stated));
+    for second in SPOOFED {
+        let row = &spoofed[second as usize];
+        assert_eq!(
+            (&row["status"], &row["reason"]),
+            (&json!("inconsistent"), &json!("interference"))
+        );
+    }
+    assert_eq!(believed(good), believed(spoofed));
+    let [good, unseen] = [false, true].map(|is_disturbed| rows_of(is_disturbed, Spoofing::None));
+    assert_ne!(believed(good), believed(unseen));
 }

@@ -4,6 +4,8 @@ import { byId, duration, write } from "./words.js";
 
 // Rates are those of the last seconds.
 const WINDOW_S = 10;
+// What a narrow screen writes in front of a value, which has no head of its column there.
+const LABELS = ["State", "Rate", "Delay", "Data", "Line", "C/N0 (usual)", "Faults"];
 
 export class Streams {
   // `act(name, what)` is called by the buttons: "restart" or "log".
@@ -50,12 +52,16 @@ export class Streams {
   }
 
   add(name) {
-    const line = document.createElement("tr");
-    const head = document.createElement("th");
+    const line = element("tr", "row");
+    const head = element("th", "rowheader");
     head.scope = "row";
     head.textContent = name;
-    const cells = Array.from({ length: 7 }, () => document.createElement("td"));
-    const actions = document.createElement("td");
+    const cells = LABELS.map((label) => {
+      const cell = element("td", "cell");
+      cell.dataset.label = label;
+      return cell;
+    });
+    const actions = element("td", "cell");
     actions.className = "token";
     actions.append(this.button(name, "restart", "Restart"));
     if (this.hasLog) actions.append(this.button(name, "log", "Save log"));
@@ -72,6 +78,13 @@ export class Streams {
     button.addEventListener("click", () => this.act(name, what));
     return button;
   }
+}
+
+// Roles are written out: what is laid out as blocks on a narrow screen is a table all the same.
+function element(tag, role) {
+  const made = document.createElement(tag);
+  made.setAttribute("role", role);
+  return made;
 }
 
 function strengths({ bands, jamming, spoofing, continuous_wave, gain }) {

@@ -82,6 +82,7 @@ fn other_integers_have_to_be_improbable() {
     assert_eq!(failed(|found, _, _| found.rivals = 1.01 * RATE), [Reason::Ratio]);
     let weak = |found: &mut Found, rate: f64| (found.rivals, found.success_rate) = (1.0, rate);
     assert_eq!(failed(|found, _, _| weak(found, 0.51)), [Reason::Ratio]);
+    assert_eq!(failed(|found, _, _| weak(found, MIN_SUCCESS)), [Reason::Ratio]);
     assert_eq!(failed(|found, _, _| weak(found, 0.49)), [Reason::SuccessRate]);
     assert_eq!(failed(|found, _, _| found.rivals = f64::NAN), [Reason::Ratio]);
 }
@@ -97,6 +98,7 @@ fn each_check_of_the_integers_shuts() {
     // 0.3 m in the least certain coordinate.
     let sd = |conditional: &mut Conditional, m: f64| conditional.covariance_m2[(2, 2)] = m * m;
     assert_eq!(failed(|_, conditional, _| sd(conditional, 0.299)), []);
+    assert_eq!(failed(|_, conditional, _| sd(conditional, MAX_FIXED_SD_M)), []);
     assert_eq!(failed(|_, conditional, _| sd(conditional, 0.301)), [Reason::WeakModel]);
     assert_eq!(failed(|found, _, _| found.closes = false), [Reason::Closure]);
     // χ² with 5 and 8 degrees of freedom exceeds 30.86 and 37.33 once in 100 000 times.
@@ -152,7 +154,7 @@ fn baselines_have_to_fit_the_array() {
     let bent = orientation(Some(fit(26.0, 3)), level());
     assert_eq!(judge(&[], bent), (2, vec![Reason::Geometry]));
     for (pitch, roll, holds) in
-        [(0.49, -0.49, true), (0.51, 0.0, false), (0.0, -0.51, false), (-0.51, 0.1, false)]
+        [(0.5, -0.49, true), (0.51, 0.0, false), (0.0, -0.51, false), (-0.51, 0.1, false)]
     {
         let (_, reasons) = judge(&[], orientation(None, Ok(attitude(pitch, roll))));
         assert_eq!(reasons, if holds { vec![] } else { vec![Reason::Tilt] }, "{pitch} {roll}");
