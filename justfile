@@ -29,6 +29,16 @@ compare *options:
 bench:
     cargo bench --workspace
 
+# instructions of two small sessions, beside their record
+instructions:
+    cargo build --release
+    bench/instructions.sh
+
+# cost against size, and the whole program: docs/experiments/speed.md
+speed:
+    cargo build --release
+    bench/speed.py
+
 # the figures of the documentation about attitude and baselines
 figures:
     bench/attitude.sh > docs/experiments/attitude_methods.md

@@ -169,7 +169,7 @@ mod tests {
             let time = kurs::time::GpsTime::from_week_tow(2305, 3600.0 * f64::from(hour)).unwrap();
             for elevation_deg in [10.0, 20.0, 45.0, 90.0] {
                 let elevation_rad = f64::to_radians(elevation_deg);
-                let direction = kurs::sky::SkyDirection { azimuth_rad: 1.0, elevation_rad };
+                let direction = kurs::sky::SkyDirection::from_angles(1.0, elevation_rad);
                 let modelled_m = klobuchar_m(&alpha, &beta, &antenna, &direction, time);
                 let true_m = ionosphere_m(4.5, elevation_rad.sin());
                 assert!((modelled_m / true_m - 1.0).abs() < 0.06, "{hour} h {elevation_deg}°");

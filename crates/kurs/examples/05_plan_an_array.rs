@@ -57,7 +57,7 @@ fn sky(place: Geodetic, mask_rad: f64) -> Result<Vec<Sight>, Box<dyn Error>> {
         let band = Band::new(if system == System::Gps { System::Gps } else { System::Galileo }, 1);
         let state = navigation.ephemerides.state(elements.satellite, time)?;
         let view = View::new(&state, place.to_ecef());
-        let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad;
+        let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad();
         if elevation_rad > mask_rad {
             sights.push(Sight {
                 direction: horizon.ned_from_ecef() * view.line_of_sight,

@@ -55,8 +55,10 @@ pub fn klobuchar_m(
     direction: &SkyDirection,
     time: GpsTime,
 ) -> f64 {
-    let elevation = direction.elevation_rad.max(0.0) / PI;
-    let (sin_azimuth, cos_azimuth) = direction.azimuth_rad.sin_cos();
+    let elevation = direction.elevation_rad().max(0.0) / PI;
+    let level = direction.unit().xyz();
+    let flat = level.x.hypot(level.y).max(f64::MIN_POSITIVE);
+    let (sin_azimuth, cos_azimuth) = (level.y / flat, level.x / flat);
 
     // ψ = 0.0137 / (E + 0.11) − 0.022
     let earth_angle = 0.0137 / (elevation + 0.11) - 0.022;
@@ -103,16 +105,16 @@ impl Troposphere {
         Self { zenith_m, slope: saastamoinen_zenith_m(&higher) - zenith_m }
     }
 
-    /// Delay of a signal from this elevation, m; zero below the horizon.
+    /// Delay of a signal from an elevation with this sine, m; zero below the horizon.
     #[must_use]
-    pub fn delay_m(&self, elevation_rad: f64) -> f64 {
-        self.zenith_m * mapping(elevation_rad)
+    pub fn delay_m(&self, sin_elevation: f64) -> f64 {
+        self.zenith_m * mapping(sin_elevation)
     }
 
     /// Change of that delay per metre that the antenna rises.
     #[must_use]
-    pub fn slope(&self, elevation_rad: f64) -> f64 {
-        self.slope * mapping(elevation_rad)
+    pub fn slope(&self, sin_elevation: f64) -> f64 {
+        self.slope * mapping(sin_elevation)
     }
 }
 
@@ -137,11 +139,11 @@ fn saastamoinen_zenith_m(point: &Geodetic) -> f64 {
 }
 
 /// Black and Eisner's (1984) mapping of a zenith delay to elevation: `1.001 / √(0.002001 + sin² E)`.
-fn mapping(elevation_rad: f64) -> f64 {
-    if elevation_rad <= 0.0 {
+fn mapping(sin_elevation: f64) -> f64 {
+    if sin_elevation <= 0.0 {
         return 0.0;
     }
-    1.001 / (0.002_001 + elevation_rad.sin().powi(2)).sqrt()
+    1.001 / (0.002_001 + sin_elevation * sin_elevation).sqrt()
 }
 
 #[cfg(test)]
@@ -157,7 +159,7 @@ mod tests {
     fn klobuchar_at_night() {
         let (alpha, beta) = ([1e-8, 0.0, 0.0, 0.0], [72_000.0, 0.0, 0.0, 0.0]);
         let antenna = Geodetic::from_degrees(40.0, 0.0, 0.0);
-        let zenith = SkyDirection { azimuth_rad: 0.0, elevation_rad: PI / 2.0 };
+        let zenith = SkyDirection::from_angles(0.0, PI / 2.0);
         let night = klobuchar_m(&alpha, &beta, &antenna, &zenith, time_of_day(0.0));
         assert!((night - 5e-9 * 299_792_458.0 * 1.000_432).abs() < 1e-6, "{night}");
         let noon = klobuchar_m(&alpha, &beta, &antenna, &zenith, time_of_day(50_400.0));
@@ -169,19 +171,19 @@ mod tests {
     #[test]
     fn saastamoinen_at_the_zenith() {
         let sea = Troposphere::above(&Geodetic::from_degrees(45.0, 0.0, 0.0));
-        let zenith_m = sea.delay_m(PI / 2.0);
+        let zenith_m = sea.delay_m(1.0);
         assert!((zenith_m - 2.426).abs() < 0.01, "{zenith_m}");
         assert_eq!(sea.delay_m(0.0), 0.0);
-        let ratio = sea.delay_m(30f64.to_radians()) / zenith_m;
+        let ratio = sea.delay_m(0.5) / zenith_m;
         assert!((ratio - 2.0).abs() < 0.01, "{ratio}");
     }
 
     #[test]
     fn slope_is_the_difference_of_two_heights() {
         let at = |height_m| Troposphere::above(&Geodetic::from_degrees(45.0, 0.0, height_m));
-        let elevation_rad = 0.5;
-        let difference = at(235.0).delay_m(elevation_rad) - at(200.0).delay_m(elevation_rad);
-        assert!((difference - 35.0 * at(217.0).slope(elevation_rad)).abs() < 1e-4);
+        let sin_elevation = 0.48;
+        let difference = at(235.0).delay_m(sin_elevation) - at(200.0).delay_m(sin_elevation);
+        assert!((difference - 35.0 * at(217.0).slope(sin_elevation)).abs() < 1e-4);
         assert!(difference < -0.01, "35 m are centimetres: {difference}");
     }
 
@@ -190,7 +192,7 @@ mod tests {
         let mut previous = f64::INFINITY;
         for height_km in 0..50 {
             let point = Geodetic::from_degrees(10.0, 0.0, f64::from(height_km) * 1e3);
-            let delay_m = Troposphere::above(&point).delay_m(PI / 2.0);
+            let delay_m = Troposphere::above(&point).delay_m(1.0);
             assert!(delay_m <= previous, "{height_km} km: {delay_m}");
             previous = delay_m;
         }

@@ -56,16 +56,23 @@ fn incomplete_beta(x: f64, a: f64, b: f64) -> f64 {
     }
     let log_factor =
         a * x.ln() + b * (1.0 - x).ln() + libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b);
-    // 1/(1 + d₁/(1 + d₂/(1 + …))), from the inside
-    let fraction = (1..=200).rev().fold(1.0, |inner, k| {
+    // 1 + d₁/(1 + d₂/(1 + …)) as the product of the ratios of its convergents, which tend to 1:
+    // Cₖ = 1 + dₖ/Cₖ₋₁,   Dₖ = 1/(1 + dₖ Dₖ₋₁)
+    let (mut fraction, mut upper, mut lower) = (1.0, 1.0, 0.0);
+    for k in 1..=200 {
         let m = f64::from(k / 2);
         let d = if k % 2 == 0 {
             m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m))
         } else {
             -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0))
         };
-        1.0 + d / inner
-    });
+        (upper, lower) = (1.0 + d / upper, 1.0 / (1.0 + d * lower));
+        let ratio = upper * lower;
+        fraction *= ratio;
+        if (ratio - 1.0).abs() < f64::EPSILON {
+            break;
+        }
+    }
     (log_factor.exp() / (a * fraction)).clamp(0.0, 1.0)
 }
 

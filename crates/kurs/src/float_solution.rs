@@ -9,28 +9,19 @@
 //! the phases `â`; the integers then bring the phases into `x`. [`recursive`] adds what earlier
 //! epochs know of the ambiguities.
 
+mod code;
 mod information;
 mod informed;
 pub mod recursive;
 
+pub use code::CodeFloat;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::difference::{
-    Combination, Link, add_common_cycles, combinations, covariance, equations, own_links,
-};
+use crate::difference::{Combination, Link, add_common_cycles, covariance, equations, own_links};
 
 /// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
 const CODE_LEFT_OUT: f64 = 1e3;
-
-/// Code of one group in whitened form: `L⁻¹ y`, `L⁻¹ A` with `Q = L Lᵀ`.
-#[derive(Debug, Clone)]
-struct Codes {
-    factor: Cholesky<f64, Dyn>,
-    design: DMatrix<f64>,
-    misclosure: DVector<f64>,
-    combinations: Vec<Combination>,
-    first_link: usize,
-}
 
 /// Phases of one group before whitening, as the integers need them.
 #[derive(Debug, Clone)]
@@ -76,7 +67,7 @@ pub struct FloatSolution {
     /// `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`
     conditional_normal: DMatrix<f64>,
     code_right: DVector<f64>,
-    codes: Vec<Codes>,
+    code: CodeFloat,
     phases: Vec<Phases>,
     memory: Option<Memory>,
     without_code: bool,
@@ -178,74 +169,48 @@ impl FloatSolution {
         reference: usize,
         rovers: &[usize],
     ) -> Result<Self, NoFloat> {
+        Ok(Self::with_phases(CodeFloat::solve(links, groups, reference, rovers)?, links))
+    }
+
+    /// Adds the phases of the links to what their code gives.
+    #[must_use]
+    pub fn with_phases(mut code: CodeFloat, links: &[Link]) -> Self {
+        let rovers = code.rovers.clone();
         let unknowns = 3 * rovers.len();
         let block = |antenna: usize| rovers.iter().position(|rover| *rover == antenna);
-
-        // Code: N = Σ A_Pᵀ Q_P⁻¹ A_P,  b = Σ A_Pᵀ Q_P⁻¹ y_P
-        let mut code_normal = DMatrix::zeros(unknowns, unknowns);
-        let mut code_right = DVector::zeros(unknowns);
-        let mut squares = 0.0;
-        let mut rows = 0;
-        let mut phases: Vec<Phases> = Vec::with_capacity(groups.len());
-        let mut codes: Vec<Option<Codes>> = Vec::with_capacity(groups.len());
-        for range in groups {
-            let of_group = &links[range.clone()];
-            let code_rows = combinations(of_group, |link| link.code_m.is_some());
-            let alike = of_group.iter().all(|link| link.code_m.is_some() == link.phase_m.is_some());
-            let phase_rows = match alike {
-                true => code_rows.clone(),
-                false => combinations(of_group, |link| link.phase_m.is_some()),
-            };
-            let code = group_codes(of_group, code_rows, range.start, unknowns, block);
-            if let Some(code) = &code {
-                code_normal.gemm_tr(1.0, &code.design, &code.design, 1.0);
-                code_right.gemv_tr(1.0, &code.design, &code.misclosure, 1.0);
-                squares += code.misclosure.norm_squared();
-                rows += code.misclosure.len();
-            }
-            codes.push(code);
-            phases.extend(group_phases(of_group, phase_rows, range.start, unknowns, block));
-        }
-        if rows == 0 && phases.is_empty() {
-            return Err(NoFloat::NoCommonSatellites);
-        }
-        let undetermined = NoFloat::Undetermined { rows, unknowns };
-        if rows < unknowns {
-            return Err(undetermined);
-        }
-
-        // x̂ = N⁻¹ b,  Q_x̂ = N⁻¹
-        let covariance_m2 = well_conditioned_inverse(&code_normal).ok_or(undetermined)?;
-        let correction_m = &covariance_m2 * &code_right;
-        let squares = (squares - correction_m.dot(&code_right)).max(0.0);
-
-        let mut conditional_normal = code_normal;
+        let of_group = |loops: &mut code::Loops| {
+            let rows = core::mem::take(&mut loops.phases);
+            let group = loops.group.clone();
+            group_phases(&links[group.clone()], rows, group.start, unknowns, block)
+        };
+        let phases: Vec<Phases> = code.loops.iter_mut().filter_map(of_group).collect();
+        let mut conditional_normal = code.normal.clone();
         for group in &phases {
             let whitened = &group.whitened_design;
             conditional_normal.gemm_tr(1.0, whitened, whitened, 1.0);
         }
         let satellites = satellites_with_phase(links, &phases);
         let mut float = Self {
-            reference,
-            rovers: rovers.to_vec(),
-            correction_m,
-            covariance_m2,
+            reference: code.reference,
+            rovers,
+            correction_m: code.correction_m.clone(),
+            covariance_m2: code.covariance_m2.clone(),
             ambiguities_cycles: DVector::zeros(0),
             ambiguity_covariance: DMatrix::zeros(0, 0),
             cross_covariance: DMatrix::zeros(unknowns, 0),
             baseline_of: Vec::new(),
-            code_fit: Fit { sum: squares, degrees_of_freedom: rows - unknowns },
+            code_fit: code.fit,
             satellites,
             conditional_normal,
-            code_right,
-            codes: codes.into_iter().flatten().collect(),
+            code_right: code.right.clone(),
+            code,
             phases,
             memory: None,
             without_code: false,
             informed: 0,
         };
         float.solve_ambiguities();
-        Ok(float)
+        float
     }
 
     /// `â = Λ⁻¹ (y_Φ − A_Φ x̂)`, `Q_â = Λ⁻¹ (Q_Φ + A_Φ Q_x̂ A_Φᵀ) Λ⁻¹`, `Q_x̂â = −Q_x̂ A_Φᵀ Λ⁻¹`.
@@ -253,20 +218,21 @@ impl FloatSolution {
         let n: usize = self.phases.iter().map(|p| p.misclosure_m.len()).sum();
         let unknowns = self.correction_m.len();
         let mut a_scaled = DMatrix::zeros(n, unknowns); // Λ⁻¹ A_Φ
-        self.baseline_of = vec![0; n];
+        self.baseline_of.clear();
         self.ambiguities_cycles = DVector::zeros(n);
-        let mut row = 0;
-        for phases in &self.phases {
-            for i in 0..phases.misclosure_m.len() {
-                let wavelength_m = phases.wavelengths_m[i];
-                let design = phases.design.row(i) / wavelength_m;
-                self.ambiguities_cycles[row] =
-                    phases.misclosure_m[i] / wavelength_m - (&design * &self.correction_m)[0];
-                let last = (0..unknowns).rev().find(|i| design[*i] != 0.0);
-                self.baseline_of[row] = last.unwrap_or(0) / 3;
-                a_scaled.set_row(row, &design);
-                row += 1;
+        let mut first = 0;
+        for Phases { misclosure_m, wavelengths_m, design, .. } in &self.phases {
+            let count = misclosure_m.len();
+            let left_m = misclosure_m - design * &self.correction_m;
+            let cycles = left_m.component_div(wavelengths_m);
+            self.ambiguities_cycles.rows_mut(first, count).copy_from(&cycles);
+            for (column, of_design) in design.column_iter().enumerate() {
+                let scaled = of_design.component_div(wavelengths_m);
+                a_scaled.view_mut((first, column), (count, 1)).copy_from(&scaled);
             }
+            let last = |row: usize| (0..unknowns).rev().find(|i| design[(row, *i)] != 0.0);
+            self.baseline_of.extend((0..count).map(|row| last(row).unwrap_or(0) / 3));
+            first += count;
         }
         let spread = &a_scaled * &self.covariance_m2;
         self.ambiguity_covariance = &spread * a_scaled.transpose();
@@ -341,25 +307,14 @@ impl FloatSolution {
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
     }
 
-    /// Normalised residuals `ê/σ` of the links' code, over the root of the share of a link's variance that residuals
-    /// show (their degrees of freedom over the number of links): a mean square of 1 is what to expect. Empty
-    /// without redundancy.
+    /// Normalised residuals of the links' code ([`CodeFloat::residuals`]).
+    #[must_use]
     pub fn code_residuals(&self, links: &[Link]) -> Vec<(usize, f64)> {
-        let mut residuals: Vec<(usize, f64)> = Vec::new();
-        for codes in &self.codes {
-            // ê = Σ Dᵀ L⁻ᵀ (L⁻¹ r)
-            let mut weighted = &codes.misclosure - &codes.design * &self.correction_m;
-            codes.factor.l_dirty().tr_solve_lower_triangular_mut(&mut weighted);
-            spread(&codes.combinations, codes.first_link, &weighted, &mut residuals);
-        }
-        normalise(&mut residuals, self.code_fit.degrees_of_freedom, |link| {
-            links[link].variances.code_m2
-        });
-        residuals
+        self.code.residuals(links)
     }
 
     /// Normalised residuals of the links' phases with these integers and baselines, as
-    /// [`code_residuals`](Self::code_residuals).
+    /// [`CodeFloat::residuals`].
     pub fn phase_residuals(
         &self,
         links: &[Link],
@@ -425,10 +380,9 @@ impl FloatSolution {
     /// those that code alone gives.
     #[must_use]
     pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
-        let of_group =
-            |codes: &Codes| (&codes.misclosure - &codes.design * correction_m).norm_squared();
-        let sum: f64 = self.codes.iter().map(of_group).sum();
-        if self.without_code { 0.0 } else { (sum - self.code_fit.sum).max(0.0) }
+        // (x − x̂)ᵀ N (x − x̂)
+        let off_m = correction_m - &self.code.correction_m;
+        if self.without_code { 0.0 } else { off_m.dot(&(&self.code.normal * &off_m)) }
     }
 
     /// Whether earlier epochs enter.
@@ -475,23 +429,6 @@ impl FloatSolution {
             residual_rms_m: (residual_squares / first.max(1) as f64).sqrt(),
         })
     }
-}
-
-/// Whitened code double differences of one group.
-fn group_codes(
-    links: &[Link],
-    combinations: Vec<Combination>,
-    first_link: usize,
-    unknowns: usize,
-    block: impl Fn(usize) -> Option<usize>,
-) -> Option<Codes> {
-    let q = covariance(&combinations, |edge| links[edge].variances.code_m2);
-    let factor = q.cholesky().filter(|_| !combinations.is_empty())?;
-    let (mut design, mut misclosure) =
-        equations(links, &combinations, unknowns, block, |link| link.code_m);
-    factor.l_dirty().solve_lower_triangular_mut(&mut design);
-    factor.l_dirty().solve_lower_triangular_mut(&mut misclosure);
-    Some(Codes { factor, design, misclosure, combinations, first_link })
 }
 
 /// Phase double differences of one group.

@@ -33,7 +33,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::difference::Link;
-use crate::signal::{Band, Satellite};
+use crate::signal::{Band, System};
 
 /// A phase with more missing than this is not used, dB: a fifth of them is off by more than 0.15 cycle.
 pub const MAX_MISSING_DB: f64 = 6.0;
@@ -71,9 +71,16 @@ pub fn expected_square(bands: usize, common: f64) -> f64 {
 /// What each antenna usually receives on each band, and the buffers of an epoch.
 #[derive(Debug, Clone, Default)]
 pub struct LinkNoise {
-    usual: BTreeMap<(usize, Band), Usual>,
-    values_db: Vec<f64>,
-    bands: BTreeMap<(usize, Satellite), usize>,
+    usual: BTreeMap<Band, Vec<Usual>>,
+    strengths: Vec<Strengths>,
+    bands: Vec<u8>,
+}
+
+/// C/N0 of one antenna's satellites on one band.
+#[derive(Debug, Clone, Default)]
+struct Strengths {
+    beside_others_db: Vec<f64>,
+    at_zenith_db: Vec<f64>,
 }
 
 /// Sums over epochs of medians over satellites, dB.
@@ -91,36 +98,39 @@ impl LinkNoise {
     /// that all antennas and bands together tell, and takes out the phases that an edge has spoilt.
     pub fn apply(&mut self, links: &mut [Link], groups: &[Range<usize>], common: Common) {
         for group in groups {
-            self.learn(&links[group.clone()]);
-            for of_satellite in links[group.clone()].chunk_by_mut(|a, b| a.satellite == b.satellite)
-            {
-                self.look_for_edges(of_satellite);
+            let group = &mut links[group.clone()];
+            let Some(band) = group.first().map(|link| link.signal.band) else { continue };
+            self.learn(band, group);
+            let usual = &self.usual[&band];
+            for of_satellite in group.chunk_by_mut(|a, b| a.satellite == b.satellite) {
+                look_for_edges(of_satellite, usual);
             }
         }
         self.share_between_bands(links, common);
     }
 
     /// Learns from the medians of one group of links.
-    fn learn(&mut self, group: &[Link]) {
-        let Some(band) = group.first().map(|link| link.signal.band) else { return };
-        let last = group.iter().map(|link| link.antenna).max().unwrap_or(0);
-        for antenna in 0..=last {
-            self.values_db.clear();
-            for of_satellite in group.chunk_by(|a, b| a.satellite == b.satellite) {
-                let own_db = of_satellite.iter().find(|l| l.antenna == antenna);
-                if let (Some(own_db), Some(mean_db)) =
-                    (own_db.and_then(|l| l.cn0_dbhz), mean_cn0(of_satellite))
-                {
-                    self.values_db.push(own_db - mean_db);
-                }
+    fn learn(&mut self, band: Band, group: &[Link]) {
+        for strengths in &mut self.strengths {
+            strengths.beside_others_db.clear();
+            strengths.at_zenith_db.clear();
+        }
+        for of_satellite in group.chunk_by(|a, b| a.satellite == b.satellite) {
+            let mean_db = mean_cn0(of_satellite);
+            for link in of_satellite {
+                let antennas = self.strengths.len().max(link.antenna + 1);
+                self.strengths.resize_with(antennas, Strengths::default);
+                let strengths = &mut self.strengths[link.antenna];
+                let beside_others_db = link.cn0_dbhz.zip(mean_db).map(|(own, mean)| own - mean);
+                strengths.beside_others_db.extend(beside_others_db);
+                strengths.at_zenith_db.extend(at_zenith_db(link));
             }
-            let Some(beside_others_db) = median(&mut self.values_db) else { continue };
-            self.values_db.clear();
-            let own = group.iter().filter(|link| link.antenna == antenna);
-            self.values_db.extend(own.filter_map(at_zenith_db));
-            let Some(at_zenith_db) = median(&mut self.values_db) else { continue };
-
-            let usual = self.usual.entry((antenna, band)).or_default();
+        }
+        let usual = self.usual.entry(band).or_default();
+        usual.resize_with(self.strengths.len().max(usual.len()), Usual::default);
+        for (usual, strengths) in usual.iter_mut().zip(&mut self.strengths) {
+            let Some(beside_others_db) = median(&mut strengths.beside_others_db) else { continue };
+            let Some(at_zenith_db) = median(&mut strengths.at_zenith_db) else { continue };
             let keep = 1.0 - 1.0 / MEMORY_EPOCHS;
             usual.beside_others_db = usual.beside_others_db * keep + beside_others_db;
             usual.at_zenith_db = usual.at_zenith_db * keep + at_zenith_db;
@@ -128,43 +138,49 @@ impl LinkNoise {
         }
     }
 
-    /// One satellite on one band at all antennas that receive it.
-    fn look_for_edges(&self, links: &mut [Link]) {
-        let strength_db = |link: &Link| {
-            let usual = self.usual.get(&(link.antenna, link.signal.band))?;
-            Some(link.cn0_dbhz? - usual.beside_others_db / (usual.epochs + PRIOR_EPOCHS))
-        };
-        let strongest_db = links.iter().filter_map(strength_db).fold(f64::NEG_INFINITY, f64::max);
-        for link in links {
-            let usual = self.usual.get(&(link.antenna, link.signal.band));
-            let (Some(usual), Some(own_db), Some(zenith_db)) =
-                (usual, strength_db(link), at_zenith_db(link))
-            else {
-                continue;
-            };
-            let less_than_usual_db = usual.at_zenith_db / usual.epochs - zenith_db;
-            let missing_db =
-                (strongest_db - own_db).min(less_than_usual_db + SATELLITE_SPREAD_DB).max(0.0);
-            link.missing_db = missing_db;
-            if missing_db > MAX_MISSING_DB {
-                link.phase_m = None;
-            }
-        }
-    }
-
     /// `σ_B² = σ² (1 + κ (B − 1)) + B σ_e²`
     fn share_between_bands(&mut self, links: &mut [Link], common: Common) {
+        let place = |link: &Link| {
+            let of_antenna = link.antenna * System::ALL.len() + link.satellite.system as usize;
+            (of_antenna << u8::BITS) + usize::from(link.satellite.number)
+        };
+        let places = links.iter().map(|link| place(link) + 1).max().unwrap_or(0);
         self.bands.clear();
+        self.bands.resize(places, 0);
         for link in links.iter() {
-            *self.bands.entry((link.antenna, link.satellite)).or_default() += 1;
+            self.bands[place(link)] += 1;
         }
         for link in links {
-            link.bands = self.bands[&(link.antenna, link.satellite)];
+            link.bands = usize::from(self.bands[place(link)]);
             let more = link.bands as f64 - 1.0;
             let edge_m = EDGE_M_PER_DB * (link.missing_db - USUAL_SPREAD_DB).max(0.0);
             link.variances.phase_m2 = link.variances.phase_m2 * (1.0 + common.phase * more)
                 + link.bands as f64 * edge_m * edge_m;
             link.variances.code_m2 *= 1.0 + common.code * more;
+        }
+    }
+}
+
+/// One satellite on one band at all antennas that receive it, beside what each of these usually receives.
+fn look_for_edges(links: &mut [Link], usual: &[Usual]) {
+    let usual_of = |link: &Link| usual.get(link.antenna).filter(|usual| usual.epochs > 0.0);
+    let strength_db = |link: &Link| {
+        let usual = usual_of(link)?;
+        Some(link.cn0_dbhz? - usual.beside_others_db / (usual.epochs + PRIOR_EPOCHS))
+    };
+    let strongest_db = links.iter().filter_map(strength_db).fold(f64::NEG_INFINITY, f64::max);
+    for link in links {
+        let (Some(usual), Some(own_db), Some(zenith_db)) =
+            (usual_of(link), strength_db(link), at_zenith_db(link))
+        else {
+            continue;
+        };
+        let less_than_usual_db = usual.at_zenith_db / usual.epochs - zenith_db;
+        let missing_db =
+            (strongest_db - own_db).min(less_than_usual_db + SATELLITE_SPREAD_DB).max(0.0);
+        link.missing_db = missing_db;
+        if missing_db > MAX_MISSING_DB {
+            link.phase_m = None;
         }
     }
 }
@@ -190,7 +206,7 @@ fn mean_cn0(links: &[Link]) -> Option<f64> {
 
 /// C/N0 that a link would have at the zenith.
 fn at_zenith_db(link: &Link) -> Option<f64> {
-    Some(link.cn0_dbhz? + LOSS_AT_HORIZON_DB * (1.0 - link.elevation_rad.sin()))
+    Some(link.cn0_dbhz? + LOSS_AT_HORIZON_DB * (1.0 - link.direction.sin_elevation()))
 }
 
 fn median(values: &mut [f64]) -> Option<f64> {

@@ -46,8 +46,8 @@ pub fn signal_residuals(
             antenna: link.antenna,
             satellite: link.satellite,
             signal: link.signal,
-            azimuth_rad: link.azimuth_rad,
-            elevation_rad: link.elevation_rad,
+            azimuth_rad: link.direction.azimuth_rad(),
+            elevation_rad: link.direction.elevation_rad(),
             code_m: code.as_ref().and_then(|of_link| of_link[i]),
             phase_m: phase.as_ref().and_then(|of_link| of_link[i]),
             missing_db: link.missing_db,
@@ -115,7 +115,7 @@ fn of_links(
 mod tests {
     use super::*;
     use crate::signal::{Satellite, Signal, System};
-    use crate::sky::Variances;
+    use crate::sky::{SkyDirection, Variances};
     use nalgebra::Vector3;
 
     /// Two antennas and five satellites without geometry: link values are clock terms, and
@@ -142,8 +142,7 @@ mod tests {
                     missing_db: 0.0,
                     bands: 1,
                     gradient: Vector3::zeros(),
-                    azimuth_rad: 0.0,
-                    elevation_rad: 0.1 * f64::from(number),
+                    direction: SkyDirection::from_angles(0.0, 0.1 * f64::from(number)),
                 }
             })
             .collect();

@@ -22,14 +22,10 @@ pub struct View {
     pub range_m: f64,
 }
 
-/// A direction in the local level axes of an antenna.
+/// A direction in the local level axes of an antenna: a unit vector, as most of what depends on the direction
+/// depends on its sines and cosines.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SkyDirection {
-    /// Clockwise from north.
-    pub azimuth_rad: f64,
-    /// Above the horizon.
-    pub elevation_rad: f64,
-}
+pub struct SkyDirection(Vector<Ned>);
 
 /// The horizon of an antenna: its geodetic coordinates and local level axes, computed once.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,6 +83,42 @@ fn turned(vector: Vector<Ecef>, angle_rad: f64) -> Vector<Ecef> {
     Vector::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z)
 }
 
+impl SkyDirection {
+    /// The direction of an azimuth, clockwise from north, and an elevation above the horizon.
+    #[must_use]
+    pub fn from_angles(azimuth_rad: f64, elevation_rad: f64) -> Self {
+        let (sin_azimuth, cos_azimuth) = azimuth_rad.sin_cos();
+        let (sin_elevation, cos_elevation) = elevation_rad.sin_cos();
+        Self(Vector::new(cos_elevation * cos_azimuth, cos_elevation * sin_azimuth, -sin_elevation))
+    }
+
+    /// Unit vector, north, east, down.
+    #[must_use]
+    pub const fn unit(&self) -> Vector<Ned> {
+        self.0
+    }
+
+    /// Clockwise from north, (−π, π].
+    #[must_use]
+    pub fn azimuth_rad(&self) -> f64 {
+        let ned = self.0.xyz();
+        ned.y.atan2(ned.x)
+    }
+
+    /// Above the horizon.
+    #[must_use]
+    pub fn elevation_rad(&self) -> f64 {
+        let ned = self.0.xyz();
+        (-ned.z).atan2(ned.x.hypot(ned.y))
+    }
+
+    /// Sine of the elevation.
+    #[must_use]
+    pub fn sin_elevation(&self) -> f64 {
+        -self.0.xyz().z
+    }
+}
+
 impl Horizon {
     /// The horizon at an ECEF position (m).
     #[must_use]
@@ -101,14 +133,10 @@ impl Horizon {
         self.ned_from_ecef
     }
 
-    /// Azimuth and elevation of a line of sight (unit vector).
+    /// Where a line of sight (unit vector) stands in the sky.
     #[must_use]
     pub fn direction(&self, line_of_sight: Vector<Ecef>) -> SkyDirection {
-        let ned = (self.ned_from_ecef * line_of_sight).xyz();
-        SkyDirection {
-            azimuth_rad: ned.y.atan2(ned.x),
-            elevation_rad: (-ned.z).atan2(ned.x.hypot(ned.y)),
-        }
+        SkyDirection(self.ned_from_ecef * line_of_sight)
     }
 
     /// The lowest elevation at which signals are used: the mask, but for a body in space the edge
@@ -197,15 +225,15 @@ impl NoiseModel {
         COMMON_CYCLES_BY_CODE.hypot(GLONASS_STEPS * self.channel_sd_m / wavelength_m)
     }
 
-    /// Variances of an observation of `band` at `elevation_rad` with this C/N0.
+    /// Variances of an observation of `band` from an elevation with this sine and C/N0.
     #[must_use]
-    pub fn variances(&self, band: Band, elevation_rad: f64, cn0_dbhz: Option<f64>) -> Variances {
-        // Below 5° the 1/sin law has no measured support; it also must not reach zero.
-        let sin_elevation = elevation_rad.sin().max(0.087);
-        let low = 1.0 / (sin_elevation * sin_elevation);
-        let full_dbhz = self.full_cn0_dbhz - LOSS_AT_HORIZON_DB * (1.0 - elevation_rad.sin());
+    pub fn variances(&self, band: Band, sin_elevation: f64, cn0_dbhz: Option<f64>) -> Variances {
+        let full_dbhz = self.full_cn0_dbhz - LOSS_AT_HORIZON_DB * (1.0 - sin_elevation);
         let missing_db = cn0_dbhz.map_or(0.0, |cn0| (full_dbhz - cn0).clamp(0.0, 25.0));
-        let weak = 10f64.powf(missing_db / 20.0);
+        let weak = if missing_db > 0.0 { 10f64.powf(missing_db / 20.0) } else { 1.0 };
+        // Below 5° the 1/sin law has no measured support; it also must not reach zero.
+        let sin_elevation = sin_elevation.max(0.087);
+        let low = 1.0 / (sin_elevation * sin_elevation);
         let code = code_factor(band) * self.code_zenith_m;
         Variances {
             code_m2: code * code * low * weak * weak,
@@ -254,10 +282,10 @@ mod tests {
         let horizon = Horizon::at(Geodetic::from_degrees(50.0, 10.0, 0.0).to_ecef());
         let ecef_from_ned = horizon.geodetic.ecef_from_ned();
         let up = horizon.direction(ecef_from_ned * Vector::new(0.0, 0.0, -1.0));
-        assert!((up.elevation_rad.to_degrees() - 90.0).abs() < 1e-6);
+        assert!((up.elevation_rad().to_degrees() - 90.0).abs() < 1e-6);
         let east = horizon.direction(ecef_from_ned * Vector::new(0.0, 1.0, 0.0));
-        assert!((east.azimuth_rad.to_degrees() - 90.0).abs() < 1e-12);
-        assert!(east.elevation_rad.abs() < 1e-12);
+        assert!((east.azimuth_rad().to_degrees() - 90.0).abs() < 1e-12);
+        assert!(east.elevation_rad().abs() < 1e-12);
     }
 
     /// Four satellites: one at the zenith, three on the horizon 120° apart. By hand:
@@ -289,7 +317,7 @@ mod tests {
             channel_sd_m: 0.0,
         };
         let l1 = Band::new(System::Gps, 1);
-        let variances = |el: f64, cn0| model.variances(l1, el.to_radians(), cn0);
+        let variances = |el: f64, cn0| model.variances(l1, el.to_radians().sin(), cn0);
         let at = |el: f64, cn0| variances(el, cn0).code_m2.sqrt();
         assert!((at(90.0, None) - 0.3).abs() < 1e-12);
         assert!((at(30.0, Some(50.0)) - 0.6).abs() < 1e-12);

@@ -1,6 +1,13 @@
-//! The filters allocate nothing per update once they run: counted by the allocator itself.
+//! The filters allocate nothing per update once they run, and an epoch of two antennas little: counted by the allocator
+//! itself.
 #![allow(unsafe_code)] // an allocator cannot be written without
 #![allow(clippy::unwrap_used)]
+
+#[path = "../examples/data/recording.rs"]
+#[allow(dead_code, reason = "shared with the examples")]
+mod recording;
+#[path = "../examples/data/world.rs"]
+mod world;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -177,4 +184,21 @@ fn no_sample_and_no_fix_of_the_attitude_filter_allocates() {
     };
     run(1..=100);
     assert_eq!(allocations(|| run(101..=1100)), 0);
+}
+
+/// Two antennas, each epoch by itself: what is left are the matrices of its double differences and the row.
+#[test]
+fn an_epoch_allocates_little() {
+    let attitude = Attitude { heading_rad: 1.0, pitch_rad: 0.05, roll_rad: -0.03 };
+    let body = world::Motion::at_rest(attitude, &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
+    let mut world = world::World::new().unwrap();
+    let settings = kurs::Settings { antennas: 2, ..kurs::Settings::default() };
+    let mut engine = kurs::Engine::new(settings, world.navigation.clone()).unwrap();
+    let counts = (0..20).map(|k| {
+        let epoch = world.epoch(&body, f64::from(k));
+        allocations(|| assert!(engine.push(&epoch).is_fixed(), "epoch {k}"))
+    });
+    let most = counts.skip(10).max().unwrap();
+    println!("{most} allocations in an epoch");
+    assert!(most <= 1000, "{most} allocations");
 }

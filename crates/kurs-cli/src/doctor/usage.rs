@@ -108,7 +108,7 @@ fn below_mask(
     point::track(observed, navigation, |system| settings.wants_system(system), &mut tracked);
     let elevation_rad = |t: &point::Tracked| {
         let view = View::new(&t.state, position.position_m);
-        horizon.direction(view.line_of_sight).elevation_rad
+        horizon.direction(view.line_of_sight).elevation_rad()
     };
     tracked.iter().filter(|t| elevation_rad(t) < lowest_rad).map(|t| t.satellite).collect()
 }

@@ -180,14 +180,14 @@ impl<'a> SkyWatch<'a> {
         let state = self.navigation.ephemerides.state(satellite, look.time + -TRAVEL_S).ok()?;
         let view = View::new(&state, horizon.geodetic.to_ecef());
         let direction = horizon.direction(view.line_of_sight);
-        if direction.elevation_rad < 0.0 {
+        if direction.sin_elevation() < 0.0 {
             return None;
         }
         let observed = look.observed.get(&satellite);
         Some(Point {
             time_gpst: look.time.to_string(),
-            azimuth_deg: direction.azimuth_rad.to_degrees().rem_euclid(360.0),
-            elevation_deg: direction.elevation_rad.to_degrees(),
+            azimuth_deg: direction.azimuth_rad().to_degrees().rem_euclid(360.0),
+            elevation_deg: direction.elevation_rad().to_degrees(),
             observed: observed.is_some(),
             cn0_dbhz: observed.copied().flatten(),
         })

@@ -115,11 +115,11 @@ impl Sky {
                 continue;
             }
             satellites += 1;
-            let elevation_rad = (-direction.xyz().z).asin();
+            let sin_elevation = -direction.xyz().z;
             for band in bands.iter().filter(|band| band.system == system) {
                 // GLONASS channels differ by 0.5 % at most: the middle one stands for all.
                 if let Some(wavelength_m) = band.wavelength_m(Some(0)) {
-                    let variances = noise.variances(*band, elevation_rad, None);
+                    let variances = noise.variances(*band, sin_elevation, None);
                     sights.push(Sight {
                         direction,
                         band: *band,

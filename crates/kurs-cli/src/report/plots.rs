@@ -332,8 +332,8 @@ fn add_paths(plot: &mut Plot, samples: &[Sample], ephemerides: &EphemerisStore) 
             let Ok(state) = ephemerides.state(satellite, *time) else { continue };
             let line_of_sight = (state.position_m - *place_m).direction();
             let direction = Horizon::at(*place_m).direction(line_of_sight);
-            if direction.elevation_rad > 0.0 {
-                let (east, north) = on_disc(direction.azimuth_rad, direction.elevation_rad);
+            if direction.sin_elevation() > 0.0 {
+                let (east, north) = on_disc(direction.azimuth_rad(), direction.elevation_rad());
                 x.push(rounded(east));
                 y.push(rounded(north));
                 names.push(satellite.to_string());

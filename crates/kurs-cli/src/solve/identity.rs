@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::hash::{DefaultHasher, Hasher};
 use std::io::Read;
 use std::path::Path;
 
@@ -21,17 +20,42 @@ pub(super) fn of(loaded: &Loaded) -> String {
     text
 }
 
+/// Size and fingerprint of a file's content.
 fn hashed(path: &Path) -> std::io::Result<(u64, u64)> {
     let mut file = File::open(path)?;
-    let mut hasher = DefaultHasher::new();
+    let mut fingerprint = Fingerprint::default();
     let mut piece = vec![0; 1 << 18];
-    let mut size = 0;
+    let (mut size, mut filled) = (0, 0);
     loop {
-        let count = file.read(&mut piece)?;
+        let count = file.read(&mut piece[filled..])?;
+        (size, filled) = (size + count as u64, filled + count);
+        // Whole words but for the end, however the system cuts what it reads.
+        let whole = if count == 0 { filled } else { filled / WORD * WORD };
+        fingerprint.add(&piece[..whole]);
+        piece.copy_within(whole..filled, 0);
+        filled -= whole;
         if count == 0 {
-            return Ok((size, hasher.finish()));
+            return Ok((size, fingerprint.0));
         }
-        hasher.write(&piece[..count]);
-        size += count as u64;
+    }
+}
+
+const WORD: usize = size_of::<u64>();
+
+/// Tells contents apart that nobody has made alike on purpose: each word goes in by `h ← rotate(h ⊕ w) · K`, which no two
+/// words do in the same way.
+#[derive(Debug, Default)]
+struct Fingerprint(u64);
+
+impl Fingerprint {
+    fn add(&mut self, bytes: &[u8]) {
+        // 2⁶⁴ over the golden ratio, odd
+        const K: u64 = 0x9e37_79b9_7f4a_7c15;
+        let (words, rest) = bytes.as_chunks::<WORD>();
+        let mut end = [0; WORD];
+        end[..rest.len()].copy_from_slice(rest);
+        for word in words.iter().chain((!rest.is_empty()).then_some(&end)) {
+            self.0 = (self.0 ^ u64::from_le_bytes(*word)).rotate_left(29).wrapping_mul(K);
+        }
     }
 }

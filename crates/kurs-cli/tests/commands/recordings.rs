@@ -330,7 +330,9 @@ fn only_the_six_highest_satellites() {
         let mut tracked = Vec::new();
         point::track(first, &navigation, |system| system == System::Gps, &mut tracked);
         let elevation_rad = |t: &point::Tracked| {
-            horizon.direction(View::new(&t.state, Vector::new(x, y, z)).line_of_sight).elevation_rad
+            horizon
+                .direction(View::new(&t.state, Vector::new(x, y, z)).line_of_sight)
+                .elevation_rad()
         };
         tracked.sort_by(|a, b| elevation_rad(b).total_cmp(&elevation_rad(a)));
         let six: Vec<_> = tracked.iter().take(6).map(|t| t.satellite).collect();

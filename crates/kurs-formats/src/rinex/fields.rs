@@ -119,27 +119,56 @@ pub(crate) fn f14_3(field: &[u8]) -> Result<Option<i64>, Damaged> {
     let Ok(field) = <&[u8; 14]>::try_from(field) else {
         return if field.trim_ascii().is_empty() { Ok(None) } else { Err(Damaged) };
     };
-    let mut start = 0;
-    while start < 14 && field[start] == b' ' {
-        start += 1;
-    }
-    if start == 14 {
-        return Ok(None);
+    let [a, b, c, d, e, f, g, h, i, j, k, l, m, n] = *field;
+    let first = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
+    let last = u64::from_le_bytes([g, h, i, j, k, l, m, n]);
+    // Blanks before the number
+    let mut start = ((first ^ BLANKS).trailing_zeros() / 8) as usize;
+    if start == 8 {
+        start += field[8..].iter().take_while(|byte| **byte == b' ').count();
+        if start == 14 {
+            return Ok(None);
+        }
     }
     let negative = field[start] == b'-';
     start += usize::from(negative);
     if field[10] != b'.' || start > 10 {
         return Err(Damaged);
     }
-    let mut thousandths = 0;
-    for &byte in field[start..10].iter().chain(&field[11..]) {
-        let digit = byte.wrapping_sub(b'0');
-        if digit > 9 {
-            return Err(Damaged);
-        }
-        thousandths = thousandths * 10 + i64::from(digit);
-    }
+    // Columns 0 to 7, and 8, 9, 11, 12, 13 behind three zeros
+    let upper = zeros_before(start, first);
+    let lower = (((last >> 16) & 0xffff) | ((last >> 40) << 16)) << 24;
+    let lower = zeros_before(3 + start.saturating_sub(8), lower);
+    let thousandths = eight_digits(upper)? * 100_000 + eight_digits(lower)?;
     Ok(Some(if negative { -thousandths } else { thousandths }))
+}
+
+/// Eight blanks, and eight zeros.
+const BLANKS: u64 = u64::from_le_bytes([b' '; 8]);
+const ZEROS: u64 = u64::from_le_bytes([b'0'; 8]);
+/// In each byte: the upper half, six, the highest bit.
+const UPPER_HALVES: u64 = u64::from_le_bytes([0xf0; 8]);
+const SIXES: u64 = u64::from_le_bytes([6; 8]);
+const HIGH_BITS: u64 = u64::from_le_bytes([0x80; 8]);
+
+/// Eight characters of which the first `count` become zeros.
+fn zeros_before(count: usize, characters: u64) -> u64 {
+    let kept = if count < 8 { u64::MAX << (8 * count) } else { 0 };
+    (characters & kept) | (ZEROS & !kept)
+}
+
+/// The number that eight digits make, the first character in the lowest byte: neighbours join to numbers of two, four
+/// and eight digits.
+fn eight_digits(characters: u64) -> Result<i64, Damaged> {
+    let digits = characters ^ ZEROS;
+    // Of a digit the upper half of the byte is zero, also after six are added.
+    if (digits | ((digits & !HIGH_BITS) + SIXES)) & UPPER_HALVES != 0 {
+        return Err(Damaged);
+    }
+    let of_two = (digits * 10 + (digits >> 8)) & 0x00ff_00ff_00ff_00ff;
+    let of_four = (of_two * 100 + (of_two >> 16)) & 0x0000_ffff_0000_ffff;
+    let of_eight = (of_four * 10_000 + (of_four >> 32)) & 0xffff_ffff;
+    Ok(of_eight.cast_signed())
 }
 
 #[cfg(test)]

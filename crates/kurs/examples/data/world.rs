@@ -93,7 +93,7 @@ impl World {
             let antenna_m = body.antenna_m(antenna, received);
             let horizon = kurs::sky::Horizon::at(antenna_m);
             let line_of_sight = path(&orbit, antenna_m, received).direction();
-            let elevation_rad = horizon.direction(line_of_sight).elevation_rad;
+            let elevation_rad = horizon.direction(line_of_sight).elevation_rad();
             if elevation_rad < self.mask_rad {
                 continue;
             }

@@ -223,9 +223,10 @@ impl Decorrelation {
         // ⎡lₖⱼ  ⎤   ⎡−l  1⎤ ⎡lₖⱼ  ⎤
         // ⎣lₖ₊₁ⱼ⎦ ← ⎣ η  λ⎦ ⎣lₖ₊₁ⱼ⎦      for j < k
         for column in q[..k * n].chunks_exact_mut(n) {
-            let (upper, lower) = (column[k], column[k + 1]);
-            column[k] = lower - l * upper;
-            column[k + 1] = eta * upper + lambda * lower;
+            let pair = &mut column[k..k + 2];
+            let (upper, lower) = (pair[0], pair[1]);
+            pair[0] = lower - l * upper;
+            pair[1] = eta * upper + lambda * lower;
         }
         q[k + 1 + k * n] = lambda;
         let (left, right) = q.split_at_mut((k + 1) * n);

@@ -1,11 +1,17 @@
 //! Factorization of the float-ambiguity covariance, the first step of LAMBDA.
 //!
 //! Source: de Jonge & Tiberius (1996), *The LAMBDA method for integer ambiguity estimation:
-//! implementation aspects*; symmetric pivoting after Chang, Yang & Zhou (2005), *MLAMBDA*.
+//! implementation aspects*; symmetric pivoting after Chang, Yang & Zhou (2005), *MLAMBDA*; in panels, so that most of
+//! the work is a product of matrices, as Golub & Van Loan, *Matrix Computations*, 4.2.9, do it for Cholesky's factors.
 
 use nalgebra::DMatrix;
 
 use super::AmbiguityError;
+
+/// So many ambiguities are eliminated before the rest of the covariance hears of it.
+const PANEL: usize = 16;
+/// Columns of the rest that change together: only their part below the diagonal is wanted.
+const STRIP: usize = 32;
 
 /// `P Q Pᵀ = Lᵀ D L`, `L` unit lower triangular, `D` diagonal, `P` a permutation.
 ///
@@ -77,47 +83,96 @@ impl Ldl {
         self.variances.resize(n, 0.0);
         self.order.clear();
         self.order.extend(0..n);
+        let mut panel = DMatrix::zeros(n, PANEL.min(n));
+        let mut end = n;
+        while end > 0 {
+            let start = end.saturating_sub(PANEL);
+            for i in (start..end).rev() {
+                self.eliminate(i, end, &mut panel)?;
+            }
+            self.update_rest(start, end, &panel);
+            end = start;
+        }
+        Ok(())
+    }
 
+    /// Eliminates the best ambiguity of the block of `i` in the place `i`, and puts its row of `L` into the next column of
+    /// `panel`, which holds those since `end`. Of these the covariance of the ambiguities before has heard only on its
+    /// diagonal.
+    fn eliminate(
+        &mut self,
+        i: usize,
+        end: usize,
+        panel: &mut DMatrix<f64>,
+    ) -> Result<(), AmbiguityError> {
+        let n = self.variances.len();
         let q = self.lower.as_mut_slice(); // column-major: qⱼₖ is q[j + k n]
-        let mut row = vec![0.0; n];
-        for i in (0..n).rev() {
-            let mut pivot = i;
-            for j in self.block_starts[i]..i {
-                if q[j + j * n] < q[pivot + pivot * n] {
-                    pivot = j;
-                }
+        let mut pivot = i;
+        for j in self.block_starts[i]..i {
+            if q[j + j * n] < q[pivot + pivot * n] {
+                pivot = j;
             }
-            exchange(q, n, pivot, i);
-            self.order.swap(pivot, i);
+        }
+        let done = end - 1 - i;
+        let (rows, row) = panel.as_mut_slice().split_at_mut(done * n);
+        exchange(q, n, pivot, i, end);
+        rows.chunks_exact_mut(n).for_each(|row| row.swap(pivot, i));
+        self.order.swap(pivot, i);
+        // dᵢ = qᵢᵢ
+        let variance = q[i + i * n];
+        if !(variance > 0.0 && variance.is_finite()) {
+            return Err(AmbiguityError::NotPositiveDefinite { index: self.order[i], variance });
+        }
+        self.variances[i] = variance;
+        // qᵢₖ ← qᵢₖ − Σ lₚᵢ dₚ lₚₖ  (i < p < end),   lᵢₖ = qᵢₖ / dᵢ,   qₖₖ ← qₖₖ − lᵢₖ qᵢₖ      for k < i
+        let row = &mut row[..i];
+        for k in 0..i {
+            row[k] = q[i + k * n];
+        }
+        for (later, d) in rows.chunks_exact(n).zip(self.variances[..end].iter().rev()) {
+            let weight = later[i] * d;
+            for (q_ik, l_pk) in row.iter_mut().zip(later) {
+                *q_ik -= weight * l_pk;
+            }
+        }
+        for k in 0..i {
+            let l_ik = row[k] / variance;
+            q[k + k * n] -= l_ik * row[k];
+            row[k] = l_ik;
+        }
+        Ok(())
+    }
 
-            // dᵢ = qᵢᵢ
-            let variance = q[i + i * n];
-            if !(variance > 0.0 && variance.is_finite()) {
-                return Err(AmbiguityError::NotPositiveDefinite { index: self.order[i], variance });
-            }
-            self.variances[i] = variance;
-
-            // lᵢₖ = qᵢₖ / dᵢ,   qⱼₖ ← qⱼₖ − qᵢⱼ lᵢₖ      for k ≤ j < i
+    /// Writes the rows of `L` in `panel` where they belong, and tells the covariance of the ambiguities before `start` of
+    /// them: `qⱼₖ ← qⱼₖ − Σ lₚⱼ dₚ lₚₖ` for `k < j`; the diagonal has heard.
+    fn update_rest(&mut self, start: usize, end: usize, panel: &DMatrix<f64>) {
+        let n = self.variances.len();
+        let q = self.lower.as_mut_slice();
+        for (row, i) in panel.as_slice().chunks_exact(n).zip((start..end).rev()) {
             for k in 0..i {
-                row[k] = q[i + k * n];
-            }
-            for k in 0..i {
-                let l_ik = row[k] / variance;
-                for (q_jk, q_ij) in q[k + k * n..i + k * n].iter_mut().zip(&row[k..i]) {
-                    *q_jk -= q_ij * l_ik;
-                }
-                q[i + k * n] = l_ik;
+                q[i + k * n] = row[k];
             }
             q[i + i * n] = 1.0;
             q[i * n..i + i * n].fill(0.0);
         }
-        Ok(())
+        let diagonal: Vec<f64> = (0..start).map(|k| q[k + k * n]).collect();
+        let left = panel.view((0, 0), (start, end - start));
+        let right =
+            DMatrix::from_fn(end - start, start, |p, k| self.variances[end - 1 - p] * left[(k, p)]);
+        for first in (0..start).step_by(STRIP) {
+            let (height, width) = (start - first, STRIP.min(start - first));
+            let (left, right) = (left.rows(first, height), right.columns(first, width));
+            self.lower.view_mut((first, first), (height, width)).gemm(-1.0, &left, &right, 1.0);
+        }
+        for (k, variance) in diagonal.into_iter().enumerate() {
+            self.lower[(k, k)] = variance;
+        }
     }
 }
 
-/// Exchanges ambiguities `p <= i` in the lower triangle of `q`, in which the rows below `i`
+/// Exchanges ambiguities `p <= i` in the lower triangle of `q`, in which the rows from `end` on
 /// already hold `L`.
-fn exchange(q: &mut [f64], n: usize, p: usize, i: usize) {
+fn exchange(q: &mut [f64], n: usize, p: usize, i: usize, end: usize) {
     if p == i {
         return;
     }
@@ -128,7 +183,7 @@ fn exchange(q: &mut [f64], n: usize, p: usize, i: usize) {
     for between in p + 1..i {
         q.swap(between + p * n, i + between * n);
     }
-    for below in i + 1..n {
+    for below in end..n {
         q.swap(below + p * n, below + i * n);
     }
 }

@@ -44,11 +44,11 @@ impl Graph {
 
     /// The satellites by how well they are seen: those of most antennas first, of these the highest.
     fn references(&self, links: &[Link]) -> Vec<usize> {
-        let mut seen = vec![(0_usize, 0.0_f64); self.satellites];
+        let mut seen = vec![(0_usize, -1.0_f64); self.satellites];
         for &(edge, _, satellite) in &self.edges {
-            let (count, elevation_rad) = &mut seen[satellite];
+            let (count, sin_elevation) = &mut seen[satellite];
             *count += 1;
-            *elevation_rad = elevation_rad.max(links[edge].elevation_rad);
+            *sin_elevation = sin_elevation.max(links[edge].direction.sin_elevation());
         }
         let mut satellites: Vec<usize> = (0..self.satellites).collect();
         satellites.sort_by(|a, b| {
@@ -255,7 +255,7 @@ pub fn equations(
 mod tests {
     use super::*;
     use crate::signal::{Satellite, Signal, System};
-    use crate::sky::Variances;
+    use crate::sky::{SkyDirection, Variances};
     use nalgebra::Vector3;
     use proptest::prelude::*;
 
@@ -276,8 +276,7 @@ mod tests {
             missing_db: 0.0,
             bands: 1,
             gradient: Vector3::zeros(),
-            azimuth_rad: 0.0,
-            elevation_rad: 0.1 * f64::from(number),
+            direction: SkyDirection::from_angles(0.0, 0.1 * f64::from(number)),
         }
     }
 

@@ -14,45 +14,71 @@ use super::link::Link;
 /// then the code that most of the remaining ones have, and so on. Satellites for which the antennas
 /// track different codes (one receiver L2C, the other L2P) follow, grouped by the combination.
 pub fn group(links: &mut Vec<Link>) -> Vec<Range<usize>> {
-    links.sort_by_key(|link| {
-        (link.signal.band, link.satellite, link.antenna, preference(link.signal.attribute))
-    });
-    links.dedup_by_key(|link| (link.signal, link.satellite, link.antenna));
-
+    let sorted = sorted(links);
     let mut grouped: Vec<Link> = Vec::with_capacity(links.len());
     let mut ranges = Vec::new();
-    for band in links.chunk_by(|a, b| a.signal.band == b.signal.band) {
-        let mut satellites: Vec<&[Link]> = band
-            .chunk_by(|a, b| a.satellite == b.satellite)
-            .filter(|of_satellite| antennas(of_satellite) >= 2)
-            .collect();
-        while !satellites.is_empty() {
+    let mut satellites: Vec<OfSatellite> = Vec::new();
+    for band in sorted.chunk_by(|a, b| a.signal.band == b.signal.band) {
+        let of_satellites = band.chunk_by(|a, b| a.satellite == b.satellite);
+        satellites.extend(of_satellites.map(OfSatellite::new).filter(|s| s.antennas >= 2));
+        while let Some(first) = satellites.first() {
             let start = grouped.len();
-            match most_common_code(&satellites) {
-                Some(code) => satellites.retain(|of_satellite| {
-                    let common = is_common(of_satellite, code);
-                    if common {
-                        let with_code = of_satellite.iter().filter(|l| l.signal.attribute == code);
-                        grouped.extend(with_code);
+            if let Some(code) = most_common_code(&satellites) {
+                satellites.retain(|of_satellite| {
+                    let is_common = of_satellite.common & bit(code) != 0;
+                    if is_common {
+                        let with_code = of_satellite.links.iter().copied();
+                        grouped.extend(with_code.filter(|l| l.signal.attribute == code));
                     }
-                    !common
-                }),
-                None => {
-                    let codes = preferred_codes(satellites[0]);
-                    satellites.retain(|of_satellite| {
-                        let same = preferred_codes(of_satellite) == codes;
-                        if same {
-                            grouped.extend(preferred(of_satellite));
-                        }
-                        !same
-                    });
-                }
+                    !is_common
+                });
+            } else {
+                let codes = preferred_codes(first.links);
+                satellites.retain(|of_satellite| {
+                    let is_same = preferred_codes(of_satellite.links) == codes;
+                    if is_same {
+                        grouped.extend(preferred(of_satellite.links));
+                    }
+                    !is_same
+                });
             }
             ranges.push(start..grouped.len());
         }
     }
     *links = grouped;
     ranges
+}
+
+/// The links by band, satellite, antenna and preference, the first one of each signal.
+fn sorted(links: &[Link]) -> Vec<&Link> {
+    let key = |(index, link): (usize, &Link)| {
+        let Link { signal, satellite, antenna, .. } = *link;
+        (signal.band, satellite, antenna, preference(signal.attribute), index)
+    };
+    let mut keys: Vec<_> = links.iter().enumerate().map(key).collect();
+    keys.sort_unstable();
+    let mut sorted: Vec<&Link> = keys.iter().map(|(.., index)| &links[*index]).collect();
+    sorted.dedup_by_key(|link| (link.signal, link.satellite, link.antenna));
+    sorted
+}
+
+/// The links of one satellite on one band, by antenna and preference.
+struct OfSatellite<'a> {
+    links: &'a [&'a Link],
+    antennas: usize,
+    /// The codes that every antenna that sees the satellite tracks, each a [`bit`].
+    common: u32,
+}
+
+impl<'a> OfSatellite<'a> {
+    fn new(links: &'a [&'a Link]) -> Self {
+        let (mut antennas, mut common) = (0, u32::MAX);
+        for of_antenna in links.chunk_by(|a, b| a.antenna == b.antenna) {
+            antennas += 1;
+            common &= of_antenna.iter().fold(0, |codes, l| codes | bit(l.signal.attribute));
+        }
+        Self { links, antennas, common }
+    }
 }
 
 /// Order of preference among tracking codes of one band: civil data and pilot components before
@@ -62,33 +88,27 @@ fn preference(attribute: u8) -> usize {
     ORDER.iter().position(|code| *code == attribute).unwrap_or(ORDER.len())
 }
 
-/// Number of antennas among the links of one satellite (sorted by antenna).
-fn antennas(of_satellite: &[Link]) -> usize {
-    of_satellite.chunk_by(|a, b| a.antenna == b.antenna).count()
-}
-
-/// Whether every antenna that sees the satellite tracks this code.
-fn is_common(of_satellite: &[Link], code: u8) -> bool {
-    of_satellite
-        .chunk_by(|a, b| a.antenna == b.antenna)
-        .all(|of_antenna| of_antenna.iter().any(|l| l.signal.attribute == code))
+/// The place of a code, a capital letter, in a set of codes.
+fn bit(code: u8) -> u32 {
+    if code.is_ascii_uppercase() { 1 << (code - b'A') } else { 0 }
 }
 
 /// The code that is common for most of the satellites; among equals the preferred one.
-fn most_common_code(satellites: &[&[Link]]) -> Option<u8> {
-    let codes = (b'A'..=b'Z').map(|code| {
-        let count = satellites.iter().filter(|s| is_common(s, code)).count();
+fn most_common_code(satellites: &[OfSatellite]) -> Option<u8> {
+    let any = satellites.iter().fold(0, |codes, s| codes | s.common);
+    let codes = (b'A'..=b'Z').filter(|code| any & bit(*code) != 0).map(|code| {
+        let count = satellites.iter().filter(|s| s.common & bit(code) != 0).count();
         (count, core::cmp::Reverse(preference(code)), code)
     });
-    codes.max().filter(|(count, _, _)| *count > 0).map(|(_, _, code)| code)
+    codes.max().map(|(_, _, code)| code)
 }
 
 /// The preferred link of each antenna (they are sorted by preference).
-fn preferred(of_satellite: &[Link]) -> impl Iterator<Item = &Link> {
-    of_satellite.chunk_by(|a, b| a.antenna == b.antenna).map(|of_antenna| &of_antenna[0])
+fn preferred<'a>(of_satellite: &'a [&Link]) -> impl Iterator<Item = &'a Link> {
+    of_satellite.chunk_by(|a, b| a.antenna == b.antenna).map(|of_antenna| of_antenna[0])
 }
 
-fn preferred_codes(of_satellite: &[Link]) -> Vec<(usize, u8)> {
+fn preferred_codes(of_satellite: &[&Link]) -> Vec<(usize, u8)> {
     preferred(of_satellite).map(|link| (link.antenna, link.signal.attribute)).collect()
 }
 
@@ -96,7 +116,7 @@ fn preferred_codes(of_satellite: &[Link]) -> Vec<(usize, u8)> {
 mod tests {
     use super::*;
     use crate::signal::{Satellite, Signal, System};
-    use crate::sky::Variances;
+    use crate::sky::{SkyDirection, Variances};
     use nalgebra::Vector3;
 
     fn link(antenna: usize, number: u8, digit: u8, attribute: u8) -> Link {
@@ -114,8 +134,7 @@ mod tests {
             missing_db: 0.0,
             bands: 1,
             gradient: Vector3::zeros(),
-            azimuth_rad: 0.0,
-            elevation_rad: 1.0,
+            direction: SkyDirection::from_angles(0.0, 1.0),
         }
     }
 

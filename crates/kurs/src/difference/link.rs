@@ -42,10 +42,8 @@ pub struct Link {
     pub bands: usize,
     /// Derivative of the computed value by the antenna's position, ECEF.
     pub gradient: Vector3<f64>,
-    /// Azimuth of the satellite.
-    pub azimuth_rad: f64,
-    /// Elevation of the satellite.
-    pub elevation_rad: f64,
+    /// Where the satellite stands in the antenna's sky.
+    pub direction: SkyDirection,
 }
 
 impl Link {
@@ -77,11 +75,16 @@ pub struct Antenna<'a> {
 
 impl Antenna<'_> {
     /// How much longer a range is than one to the antenna's reference point, m.
-    fn phase_center_m(&self, band: Band, line_of_sight: Vector<Ecef>, elevation_rad: f64) -> f64 {
+    fn phase_center_m(
+        &self,
+        band: Band,
+        line_of_sight: Vector<Ecef>,
+        direction: &SkyDirection,
+    ) -> f64 {
         match (self.mount, self.body_from_ecef) {
             (None, _) => 0.0,
             (Some(mount), Some(axes)) => mount.correction_m(band, axes * line_of_sight),
-            (Some(mount), None) => mount.level_correction_m(band, elevation_rad),
+            (Some(mount), None) => mount.level_correction_m(band, direction.elevation_rad()),
         }
     }
 }
@@ -97,7 +100,7 @@ pub fn links(
 ) {
     let horizon = Horizon::at(antenna.position_m);
     let troposphere = Troposphere::above(&horizon.geodetic);
-    let lowest_rad = horizon.lowest_elevation_rad(elevation_mask_rad);
+    let lowest = horizon.lowest_elevation_rad(elevation_mask_rad).sin();
     let up = horizon.ned_from_ecef().inverse() * Vector::new(0.0, 0.0, -1.0);
 
     for observations in antenna.epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
@@ -106,21 +109,22 @@ pub fn links(
             continue;
         };
         let view = View::new(&tracked.state, antenna.position_m);
-        let SkyDirection { azimuth_rad, elevation_rad } = horizon.direction(view.line_of_sight);
-        if elevation_rad < lowest_rad {
+        let direction = horizon.direction(view.line_of_sight);
+        let sin_elevation = direction.sin_elevation();
+        if sin_elevation < lowest {
             continue;
         }
-        let computed_m = view.range_m + troposphere.delay_m(elevation_rad)
+        let computed_m = view.range_m + troposphere.delay_m(sin_elevation)
             - SPEED_OF_LIGHT_MPS * tracked.state.clock_s;
         // The troposphere gets thinner as the antenna rises: on a mast of 35 m that is 14 mm.
-        let gradient = -view.line_of_sight.xyz() + up.xyz() * troposphere.slope(elevation_rad);
+        let gradient = -view.line_of_sight.xyz() + up.xyz() * troposphere.slope(sin_elevation);
         let channel = navigation.ephemerides.glonass_channel(satellite);
 
         for observation in observations.iter().filter(|o| wanted(o.signal.band)) {
             let band = observation.signal.band;
             let Some(wavelength_m) = band.wavelength_m(channel) else { continue };
             let computed_m =
-                computed_m + antenna.phase_center_m(band, view.line_of_sight, elevation_rad);
+                computed_m + antenna.phase_center_m(band, view.line_of_sight, &direction);
             let whole_cycles = !observation.lock.half_cycle_unresolved();
             let phase_cycles = observation.phase_cycles.filter(|_| whole_cycles);
             let mut link = Link {
@@ -132,13 +136,12 @@ pub fn links(
                 whole_cycles: 0.0,
                 common_sd_cycles: noise.common_cycles(wavelength_m),
                 wavelength_m,
-                variances: noise.variances(band, elevation_rad, observation.cn0_dbhz),
+                variances: noise.variances(band, sin_elevation, observation.cn0_dbhz),
                 cn0_dbhz: observation.cn0_dbhz,
                 missing_db: 0.0,
                 bands: 1,
                 gradient,
-                azimuth_rad,
-                elevation_rad,
+                direction,
             };
             match (link.phase_m, link.code_m) {
                 (Some(phase_m), Some(code_m)) => {

@@ -2,7 +2,7 @@
 
 use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
-use crate::float_solution::{Fit, FloatSolution, NoFloat};
+use crate::float_solution::{CodeFloat, Fit, FloatSolution, NoFloat};
 use crate::link_noise;
 use crate::observation::ArrayEpoch;
 use crate::solution::{EpochSolution, Reason};
@@ -134,15 +134,15 @@ fn robust_float(
     frame: &CommonFrame,
 ) -> Result<(FloatSolution, Fit), NoFloat> {
     let rovers: Vec<usize> = frame.rovers().collect();
-    let mut float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
-    let code_fit = float.code_fit;
+    let mut code = CodeFloat::solve(links, groups, frame.reference, &rovers)?;
+    let code_fit = code.fit();
     for _ in 0..MAX_REWEIGHTINGS {
-        if !link_noise::weigh_code_outliers(links, &float.code_residuals(links)) {
+        if !link_noise::weigh_code_outliers(links, &code.residuals(links)) {
             break;
         }
-        float = FloatSolution::solve(links, groups, frame.reference, &rovers)?;
+        code.solve_again(links)?;
     }
-    Ok((float, code_fit))
+    Ok((FloatSolution::with_phases(code, links), code_fit))
 }
 
 /// The antenna with the fewest links; never a pinned reference.

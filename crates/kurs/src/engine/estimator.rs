@@ -341,12 +341,10 @@ impl Estimator {
         let Fixed { epoch, fix, .. } = fixed;
         let integers = fix.found.as_ref().map(|found| found.integers.as_slice());
         let cycles = epoch.float.whole_cycles(&epoch.links, integers.unwrap_or_default());
-        let claim = Claim {
-            links: &epoch.links,
-            groups: &epoch.groups,
-            cycles: &cycles,
-            continuity: &self.continuity,
-        };
+        let arc = |link: &Link| self.continuity.number(link.antenna, link.satellite, link.signal);
+        let arcs: Vec<u32> = epoch.links.iter().map(arc).collect();
+        let claim =
+            Claim { links: &epoch.links, groups: &epoch.groups, cycles: &cycles, arcs: &arcs };
         self.witness.hear(&claim, self.levels.weight())
     }
 

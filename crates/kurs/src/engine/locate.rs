@@ -1,6 +1,7 @@
 //! Each antenna by itself: satellites, position, clock, velocity; then one frame for all of them.
 
 use nalgebra::DVector;
+use smallvec::SmallVec;
 
 use crate::difference::Link;
 use crate::ephemeris::{NavigationData, Transmissions};
@@ -17,6 +18,9 @@ use super::settings::Settings;
 /// Receivers that sample farther apart than this are not used together: over 10 ms a body that
 /// turns with 100 °/s moves an antenna 1 m away by 17 mm, which no velocity corrects.
 const MAX_TIME_DIFFERENCE_S: f64 = 0.010;
+
+/// A body's velocity tells where it goes for so long, s.
+const MAX_EXTRAPOLATION_S: f64 = 2.0;
 
 /// One antenna of the epoch, by itself.
 #[derive(Debug, Clone)]
@@ -57,8 +61,8 @@ impl CommonFrame {
     }
 }
 
-/// Tracks and positions every antenna that has an epoch; `located` holds those of the last epoch, where the positions are
-/// looked for, and buffers.
+/// Tracks and positions every antenna that has an epoch; `located` holds those of the last epoch, near which the positions
+/// are looked for, and buffers.
 pub(super) fn locate(
     epoch: &ArrayEpoch,
     navigation: &NavigationData,
@@ -69,6 +73,8 @@ pub(super) fn locate(
         PointSettings { elevation_mask_rad: settings.elevation_mask_rad, noise: settings.noise };
     let mut near_m =
         located.iter().find_map(|one| one.point.as_ref().ok()).map(|point| point.position_m);
+    let expected: SmallVec<[_; 4]> =
+        located.iter().map(|l| (l.antenna, l.expected_m(epoch.time))).collect();
     let mut buffers: Vec<Vec<Tracked>> = located.drain(..).map(|l| l.tracked).collect();
     let mut sent = Transmissions::of(&navigation.ephemerides);
     for (antenna, observed) in epoch.antennas.iter().take(settings.antennas).enumerate() {
@@ -77,7 +83,8 @@ pub(super) fn locate(
         let wanted = |system| settings.wants_system(system);
         let without_ephemeris = point::track_sent(observed, &mut sent, wanted, &mut tracked);
         let (time, by) = (observed.time, &point_settings);
-        let mut point = match near_m {
+        let own_m = expected.iter().find(|(of, _)| *of == antenna).and_then(|(_, own_m)| *own_m);
+        let mut point = match own_m.or(near_m) {
             Some(near_m) => point::solve_near(&tracked, navigation, time, by, near_m),
             None => point::solve(&tracked, navigation, time, by),
         };
@@ -187,6 +194,14 @@ fn common_frame(located: &[Located], pinned_m: Option<Vector<Ecef>>) -> Option<C
 }
 
 impl Located {
+    /// Where the antenna is likely to be at `time`, by this epoch.
+    fn expected_m(&self, time: GpsTime) -> Option<Vector<Ecef>> {
+        let position_m = self.point.as_ref().ok()?.position_m;
+        let later_s = time - self.tag;
+        let velocity = self.velocity.filter(|_| later_s.abs() < MAX_EXTRAPOLATION_S);
+        Some(velocity.map_or(position_m, |v| position_m + v.velocity_mps * later_s))
+    }
+
     /// True instant of the antenna's epoch: its tag less its clock bias.
     fn instant(&self) -> GpsTime {
         let clock_m = self.point.as_ref().map_or(0.0, |point| point.clock_m);

@@ -21,7 +21,7 @@ use crate::difference::Link;
 use crate::float_solution::Fit;
 use crate::float_solution::recursive::CORRELATION_S;
 use crate::link_noise::{Common, expected_square};
-use crate::signal::{Band, Satellite, Signal};
+use crate::signal::{Band, Satellite};
 use crate::time::GpsTime;
 
 /// Degrees of freedom that the a-priori level of the code counts for.
@@ -106,7 +106,8 @@ struct Slowness {
     squares: f64,
 }
 
-type LinkKey = (usize, Satellite, Signal);
+/// In the order in which links stand, but for the codes of a band.
+type LinkKey = (Band, Satellite, usize, u8);
 
 impl Slowness {
     /// `s`
@@ -122,22 +123,25 @@ impl Slowness {
 
     /// Compares the residuals of an epoch with those of the one before.
     fn learn(&mut self, links: &[Link], residuals: &[(usize, f64)], time: GpsTime) {
-        let key = |link: usize| (links[link].antenna, links[link].satellite, links[link].signal);
+        let key = |link: usize| {
+            let Link { antenna, satellite, signal, .. } = links[link];
+            (signal.band, satellite, antenna, signal.attribute)
+        };
         let limit = MAX_SQUARE.sqrt();
         let mut now: Vec<(LinkKey, f64)> =
             residuals.iter().map(|(link, z)| (key(*link), z.clamp(-limit, limit))).collect();
-        now.sort_unstable_by_key(|(key, _)| *key);
+        now.sort_by_key(|(key, _)| *key);
         let elapsed_s = self.last_time.map_or(f64::INFINITY, |last| time - last);
         let (mut products, mut squares) = (0.0, 0.0);
         if elapsed_s > 0.0 && elapsed_s < CORRELATION_S {
+            let mut last = self.last.iter().peekable();
             for (key, z) in &now {
-                let Ok(before) = self.last.binary_search_by_key(key, |(key, _)| *key) else {
-                    continue;
-                };
-                let before = self.last[before].1;
-                products += z * before * (elapsed_s / CORRELATION_S).exp();
+                while last.next_if(|(old, _)| old < key).is_some() {}
+                let Some((_, before)) = last.next_if(|(old, _)| old == key) else { continue };
+                products += z * before;
                 squares += 0.5 * (z * z + before * before);
             }
+            products *= (elapsed_s / CORRELATION_S).exp();
         }
         let keep = (1.0 - squares / MEMORY).max(0.5);
         self.products = self.products * keep + products;

@@ -69,31 +69,38 @@ pub(super) struct Claim<'a> {
     pub(super) groups: &'a [Range<usize>],
     /// As `FloatSolution::whole_cycles`.
     pub(super) cycles: &'a [Option<f64>],
-    pub(super) continuity: &'a Continuity,
+    /// Numbers of the links' arcs.
+    pub(super) arcs: &'a [u32],
 }
 
 impl Claim<'_> {
-    fn arc(&self, link: &Link) -> u32 {
-        self.continuity.number(link.antenna, link.satellite, link.signal)
+    /// What each link says, as far as it does.
+    fn said(&self) -> impl Iterator<Item = Option<Held>> {
+        self.links.iter().zip(self.cycles).zip(self.arcs).map(|((link, cycles), arc)| {
+            let Link { signal, satellite, antenna, .. } = *link;
+            Some(Held { signal, satellite, antenna, arc: *arc, cycles: (*cycles)? })
+        })
     }
 
     fn held(&self) -> Vec<Held> {
-        let of_link = |(link, cycles): (&Link, &Option<f64>)| {
-            let Link { signal, satellite, antenna, .. } = *link;
-            Some(Held { signal, satellite, antenna, arc: self.arc(link), cycles: (*cycles)? })
-        };
-        let mut held: Vec<Held> = self.links.iter().zip(self.cycles).filter_map(of_link).collect();
+        let mut held: Vec<Held> = self.said().flatten().collect();
         held.sort_by_key(Held::key);
         held
     }
 
     /// Departures `N − N′` of each link from what is held of its arc.
     fn departures(&self, held: &[Held]) -> Vec<Option<f64>> {
-        let of_link = |(link, cycles): (&Link, &Option<f64>)| {
-            let before = lookup(held, link, self.arc(link))?;
-            Some((*cycles)? - before)
+        // The links of an epoch and what is held of them stand nearly in the same order.
+        let mut likely = 0;
+        let mut departure = |now: Held| {
+            let found = match held.get(likely) {
+                Some(before) if before.key() == now.key() => likely,
+                _ => held.binary_search_by_key(&now.key(), Held::key).ok()?,
+            };
+            likely = found + 1;
+            (held[found].arc == now.arc).then(|| now.cycles - held[found].cycles)
         };
-        self.links.iter().zip(self.cycles).map(of_link).collect()
+        self.said().map(|said| departure(said?)).collect()
     }
 
     /// Double differences of the departures in common, and how many are not zero, without the links of
@@ -152,19 +159,17 @@ impl Claim<'_> {
     }
 }
 
-/// Whole cycles that are held of a link's arc.
-fn lookup(held: &[Held], link: &Link, arc: u32) -> Option<f64> {
-    let key = (link.signal, link.satellite, link.antenna);
-    let found = held.binary_search_by_key(&key, Held::key).ok()?;
-    (held[found].arc == arc).then_some(held[found].cycles)
-}
-
 impl Witness {
     /// Whole cycles of a link, if enough independent epochs agreed on them: the epoch itself has not chosen
     /// them.
     pub(super) fn proven(&self, link: &Link, continuity: &Continuity) -> Option<f64> {
+        if self.agreements < MIN_AGREEMENTS {
+            return None;
+        }
+        let key = (link.signal, link.satellite, link.antenna);
+        let held = &self.held[self.held.binary_search_by_key(&key, Held::key).ok()?];
         let arc = continuity.number(link.antenna, link.satellite, link.signal);
-        lookup(&self.held, link, arc).filter(|_| self.agreements >= MIN_AGREEMENTS)
+        (held.arc == arc).then_some(held.cycles)
     }
 
     /// Hears the accepted integers of an epoch that is `weight` of an independent one, and takes them in.

@@ -47,7 +47,8 @@ pub enum NoEphemeris {
 /// All ephemerides of a session, sorted; records may come in any order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EphemerisStore {
-    records: BTreeMap<Key, Ephemeris>,
+    /// Of each satellite and message by reference time, and by transmission time those of one reference time.
+    records: BTreeMap<(Satellite, Message), Vec<Ephemeris>>,
     precise: PreciseOrbits,
     galileo: GalileoPreference,
     /// What observation files tell of GLONASS, by number.
@@ -93,10 +94,6 @@ impl Transmission<'_> {
     }
 }
 
-/// Satellite, message, reference time, transmission time: the order of search.
-type Key = (Satellite, Message, GpsTime, GpsTime);
-
-const START_OF_TIME: GpsTime = GpsTime::from_nanoseconds(i64::MIN);
 const END_OF_TIME: GpsTime = GpsTime::from_nanoseconds(i64::MAX);
 
 impl Ephemeris {
@@ -192,17 +189,20 @@ impl Ephemeris {
         }
     }
 
-    fn key(&self) -> Key {
+    const fn message(&self) -> Message {
         match self {
-            Self::Kepler(kepler) => {
-                let e = kepler.elements();
-                (e.satellite, e.message, e.reference_time, e.transmission_time)
-            }
-            Self::Glonass(glonass) => {
-                let e = glonass.elements();
-                (e.satellite, Message::GlonassFdma, e.reference_time, e.transmission_time)
-            }
+            Self::Kepler(kepler) => kepler.elements().message,
+            Self::Glonass(_) => Message::GlonassFdma,
         }
+    }
+
+    /// Reference and transmission time.
+    const fn times(&self) -> (GpsTime, GpsTime) {
+        let transmission_time = match self {
+            Self::Kepler(kepler) => kepler.elements().transmission_time,
+            Self::Glonass(glonass) => glonass.elements().transmission_time,
+        };
+        (self.reference_time(), transmission_time)
     }
 }
 
@@ -216,23 +216,24 @@ impl EphemerisStore {
     /// Adds a record; one with the same satellite, message, reference and transmission time is
     /// replaced.
     pub fn insert(&mut self, ephemeris: Ephemeris) {
-        self.records.insert(ephemeris.key(), ephemeris);
+        let key = (ephemeris.satellite(), ephemeris.message());
+        let records = self.records.entry(key).or_default();
+        match records.binary_search_by_key(&ephemeris.times(), Ephemeris::times) {
+            Ok(same) => records[same] = ephemeris,
+            Err(place) => records.insert(place, ephemeris),
+        }
     }
 
     /// Adds the records of `news`, of the time after all others, and forgets those whose interval of use
     /// has ended by then; precise orbits are not touched.
     pub(super) fn update(&mut self, news: &Self) {
         for record in news.iter() {
-            let (satellite, message, now, _) = record.key();
-            let from = (satellite, message, START_OF_TIME, START_OF_TIME);
-            let until = (satellite, message, now, START_OF_TIME);
-            let outdated =
+            let now = record.reference_time();
+            let is_outdated =
                 |old: &Ephemeris| old.reference_time() + *old.interval_of_use_s().end() < now;
-            let old = self.records.range(from..until).filter(|(_, old)| outdated(old));
-            let old: Vec<Key> = old.map(|(key, _)| *key).collect();
-            old.iter().for_each(|key| {
-                self.records.remove(key);
-            });
+            if let Some(old) = self.records.get_mut(&(record.satellite(), record.message())) {
+                old.retain(|old| !is_outdated(old));
+            }
             self.insert(*record);
         }
         self.glonass_channels.extend(&news.glonass_channels);
@@ -252,7 +253,7 @@ impl EphemerisStore {
     /// Number of broadcast records.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.records.len()
+        self.records.values().map(Vec::len).sum()
     }
 
     /// Whether there is neither a broadcast record nor a precise orbit.
@@ -263,7 +264,7 @@ impl EphemerisStore {
 
     /// All broadcast records, by satellite, message and time.
     pub fn iter(&self) -> impl Iterator<Item = &Ephemeris> {
-        self.records.values()
+        self.records.values().flatten()
     }
 
     /// The broadcast record for `satellite` at `time`: of those that may be used then
@@ -404,18 +405,11 @@ impl EphemerisStore {
         message: Message,
         time: GpsTime,
     ) -> [Option<&Ephemeris>; 2] {
-        let last_at = |reference: GpsTime| {
-            let first = (satellite, message, START_OF_TIME, START_OF_TIME);
-            let last = (satellite, message, reference, END_OF_TIME);
-            self.records.range(first..=last).next_back().map(|(_, record)| record)
-        };
-        let after = self
-            .records
-            .range((satellite, message, time, END_OF_TIME)..)
-            .next()
-            .filter(|((of, from, ..), _)| (*of, *from) == (satellite, message))
-            .and_then(|((_, _, reference, _), _)| last_at(*reference));
-        [last_at(time), after]
+        let Some(records) = self.records.get(&(satellite, message)) else { return [None; 2] };
+        let later = records.partition_point(|record| record.reference_time() <= time);
+        let (before, after) = records.split_at(later);
+        let alike = after.chunk_by(|a, b| a.reference_time() == b.reference_time());
+        [before.last(), alike.map(|alike| &alike[alike.len() - 1]).next()]
     }
 }
 

@@ -22,8 +22,9 @@ const SYSTEMS: usize = System::ALL.len();
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
-/// A step below this ends the iteration: convergence is quadratic, nanometres remain.
-const CONVERGED_M: f64 = 1e-3;
+/// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
+/// 25 nm after a metre.
+const CONVERGED_M: f64 = 1.0;
 /// After a step below this the position is near enough (some tens of metres) for directions, weights
 /// and atmosphere to mean something.
 const ROUGH_M: f64 = 1e5;
@@ -106,6 +107,9 @@ pub enum NoPosition {
 #[derive(Debug, Clone, Copy)]
 struct Row {
     line_of_sight: Vector3<f64>,
+    /// By how much the computed value falls with a displacement: the line of sight, and that the troposphere gets
+    /// thinner as the antenna rises.
+    approach: Vector3<f64>,
     system: usize,
     misclosure_m: f64,
     weight: f64,
@@ -229,6 +233,7 @@ impl<'a> PositionFit<'a> {
             let was_near = self.near;
             self.near = step_m < ROUGH_M;
             if was_near && step_m < CONVERGED_M {
+                self.step()?;
                 let plausible = self.position_m.norm() < MAX_RADIUS_M;
                 return if plausible { Ok(()) } else { Err(NoPosition::Diverged) };
             }
@@ -240,7 +245,7 @@ impl<'a> PositionFit<'a> {
     fn form_rows(&mut self) {
         self.rows.clear();
         let antenna_m = Vector::from_xyz(self.position_m);
-        let surroundings = self.near.then(|| Surroundings::at(antenna_m));
+        let surroundings = self.near.then(|| Surroundings::at(antenna_m, self.settings));
         for satellite in self.tracked.iter().filter(|t| !self.excluded.contains(&t.satellite)) {
             let view = View::new(&satellite.state, antenna_m);
             let system = satellite.satellite.system as usize;
@@ -248,9 +253,12 @@ impl<'a> PositionFit<'a> {
                 Some(here) => here.model(satellite, &view, self),
                 None => Some(Modelled::rough(satellite)),
             };
-            let Some(Modelled { pseudorange_m, delay_m, variance_m2 }) = modelled else { continue };
+            let Some(modelled) = modelled else { continue };
+            let Modelled { pseudorange_m, delay_m, delay_gradient, variance_m2 } = modelled;
+            let line_of_sight = view.line_of_sight.xyz();
             let row = Row {
-                line_of_sight: view.line_of_sight.xyz(),
+                line_of_sight,
+                approach: line_of_sight - delay_gradient,
                 system,
                 misclosure_m: pseudorange_m - self.computed_m(satellite, &view, delay_m),
                 weight: 1.0 / variance_m2,
@@ -259,7 +267,8 @@ impl<'a> PositionFit<'a> {
         }
     }
 
-    /// One step `(Gᵀ W G)⁻¹ Gᵀ W (P_measured − P_computed)`; returns its length in space.
+    /// One step `(Gᵀ W G)⁻¹ Gᵀ W (P_measured − P_computed)`, after which the misclosures are residuals; returns its
+    /// length in space.
     fn step(&mut self) -> Result<f64, NoPosition> {
         self.take_means();
         let need = 3 + self.systems_present();
@@ -270,8 +279,9 @@ impl<'a> PositionFit<'a> {
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         for (row, _) in &self.rows {
             let g = self.centred(row);
-            normal += row.weight * g * g.transpose();
-            right += row.weight * (row.misclosure_m - self.means[row.system].misclosure_m) * g;
+            let weighted = row.weight * g;
+            normal += weighted * g.transpose();
+            right += (row.misclosure_m - self.means[row.system].misclosure_m) * weighted;
         }
         self.cofactor = normal.cholesky().ok_or(NoPosition::Singular)?.inverse();
         let step = self.cofactor * right;
@@ -279,6 +289,11 @@ impl<'a> PositionFit<'a> {
         // c δt = l̄ + ū dx
         for (clock_m, mean) in self.clocks_m.iter_mut().zip(&self.means) {
             *clock_m += mean.misclosure_m + mean.line_of_sight.dot(&step);
+        }
+        // v = l − l̄ + (a − ū) dx
+        for (row, _) in &mut self.rows {
+            let mean = &self.means[row.system];
+            row.misclosure_m -= mean.misclosure_m + (mean.line_of_sight - row.approach).dot(&step);
         }
         let length_m = step.norm();
         if length_m.is_finite() { Ok(length_m) } else { Err(NoPosition::Diverged) }
@@ -375,9 +390,12 @@ impl<'a> PositionFit<'a> {
 
     /// What the excluded satellites' code says against the others, m.
     fn exclusions(&self) -> Vec<Exclusion> {
+        if self.excluded.is_empty() {
+            return Vec::new();
+        }
         let antenna_m = Vector::from_xyz(self.position_m);
         let excluded = self.tracked.iter().filter(|t| self.excluded.contains(&t.satellite));
-        let surroundings = Surroundings::at(antenna_m);
+        let surroundings = Surroundings::at(antenna_m, self.settings);
         let residual = |satellite: &Tracked| {
             let view = View::new(&satellite.state, antenna_m);
             let modelled = surroundings.model(satellite, &view, self)?;
@@ -424,37 +442,44 @@ impl<'a> PositionFit<'a> {
 struct Surroundings {
     horizon: Horizon,
     troposphere: Troposphere,
+    up: Vector3<f64>,
+    /// Sine of the lowest elevation that is used.
+    lowest: f64,
 }
 
 /// The range that counts for one satellite, its atmospheric delay, and the variance of both.
 struct Modelled {
     pseudorange_m: f64,
     delay_m: f64,
+    /// Derivative of the delay by the antenna's position.
+    delay_gradient: Vector3<f64>,
     variance_m2: f64,
 }
 
 impl Modelled {
     /// While the position is not near enough for directions: as good as any other.
-    const fn rough(satellite: &Tracked) -> Self {
-        Self { pseudorange_m: satellite.code.pseudorange_m, delay_m: 0.0, variance_m2: 1.0 }
+    fn rough(satellite: &Tracked) -> Self {
+        let pseudorange_m = satellite.code.pseudorange_m;
+        let delay_gradient = Vector3::zeros();
+        Self { pseudorange_m, delay_m: 0.0, delay_gradient, variance_m2: 1.0 }
     }
 }
 
 impl Surroundings {
-    fn at(antenna_m: Vector<Ecef>) -> Self {
+    fn at(antenna_m: Vector<Ecef>, settings: &PointSettings) -> Self {
         let horizon = Horizon::at(antenna_m);
-        Self { horizon, troposphere: Troposphere::above(&horizon.geodetic) }
+        let lowest = horizon.lowest_elevation_rad(settings.elevation_mask_rad).sin();
+        let up = (horizon.ned_from_ecef().inverse() * Vector::new(0.0, 0.0, -1.0)).xyz();
+        Self { horizon, troposphere: Troposphere::above(&horizon.geodetic), up, lowest }
     }
 
     /// Delays and variance; `None` below the mask.
     fn model(&self, satellite: &Tracked, view: &View, fit: &PositionFit<'_>) -> Option<Modelled> {
         let direction = self.horizon.direction(view.line_of_sight);
-        if direction.elevation_rad
-            < self.horizon.lowest_elevation_rad(fit.settings.elevation_mask_rad)
-        {
+        let sin_elevation = direction.sin_elevation();
+        if sin_elevation < self.lowest {
             return None;
         }
-        let elevation_rad = direction.elevation_rad;
         let frequency_hz = satellite.code.frequency_hz;
         let modelled_m = ionosphere_m(
             fit.ionosphere,
@@ -463,13 +488,14 @@ impl Surroundings {
             fit.time,
             frequency_hz,
         );
-        let (range_m, range_m2) = self.range(satellite, elevation_rad, modelled_m, fit);
-        let troposphere_m = self.troposphere.delay_m(elevation_rad);
+        let (range_m, range_m2) = self.range(satellite, sin_elevation, modelled_m, fit);
+        let troposphere_m = self.troposphere.delay_m(sin_elevation);
         // A standard atmosphere leaves some centimetres at the zenith.
         let remaining_m2 = (0.05 * troposphere_m).powi(2) + satellite.state.sigma_m.powi(2);
         Some(Modelled {
             pseudorange_m: range_m,
             delay_m: troposphere_m,
+            delay_gradient: self.up * self.troposphere.slope(sin_elevation),
             variance_m2: range_m2 + remaining_m2,
         })
     }
@@ -483,12 +509,12 @@ impl Surroundings {
     fn range(
         &self,
         satellite: &Tracked,
-        elevation_rad: f64,
+        sin_elevation: f64,
         modelled_m: f64,
         fit: &PositionFit<'_>,
     ) -> (f64, f64) {
         let weight = |code: &Code| {
-            1.0 / fit.settings.noise.variances(code.band, elevation_rad, code.cn0_dbhz).code_m2
+            1.0 / fit.settings.noise.variances(code.band, sin_elevation, code.cn0_dbhz).code_m2
         };
         let first = &satellite.code;
         let w1 = weight(first);

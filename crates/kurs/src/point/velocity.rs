@@ -3,6 +3,7 @@
 //! `−λ D = u · (vₛ − v) + c (δṫ − δṫₛ)` (and what the Earth turns meanwhile), linear in `v` and `c δṫ`: one least-squares step.
 
 use nalgebra::{Matrix3, Matrix4, Vector4};
+use smallvec::SmallVec;
 
 use super::position::PointSolution;
 use super::track::Tracked;
@@ -26,6 +27,13 @@ pub struct Velocity {
     pub clock_drift_mps: f64,
 }
 
+/// One satellite's equation: `innovation = row · (v, c δṫ)`.
+struct Equation {
+    row: Vector4<f64>,
+    innovation_mps: f64,
+    weight: f64,
+}
+
 /// Velocity at the position `point`, from the satellites above the mask that have a Doppler shift;
 /// `None` with fewer than four of them.
 #[must_use]
@@ -34,49 +42,54 @@ pub fn velocity(
     point: &PointSolution,
     elevation_mask_rad: f64,
 ) -> Option<Velocity> {
-    let lowest_rad = point.horizon.lowest_elevation_rad(elevation_mask_rad);
-    let mut estimate = Vector4::zeros();
-    // The second pass leaves out what the first shows to be an outlier.
-    for pass in 0..2 {
-        let mut normal = Matrix4::zeros();
-        let mut right = Vector4::zeros();
-        let mut count = 0;
-        for satellite in tracked {
-            if point.exclusions.iter().any(|e| e.satellite == satellite.satellite) {
-                continue;
-            }
-            let Some(measured_mps) = satellite.range_rate_mps else { continue };
-            let view = View::new(&satellite.state, point.position_m);
-            let elevation_rad = point.horizon.direction(view.line_of_sight).elevation_rad;
-            if elevation_rad < lowest_rad {
-                continue;
-            }
-            let u = view.line_of_sight.xyz();
-            let row = Vector4::new(-u.x, -u.y, -u.z, 1.0);
-            let innovation_mps = measured_mps - satellite_part_mps(satellite, &view);
-            if pass > 0 && (innovation_mps - row.dot(&estimate)).abs() > OUTLIER_MPS {
-                continue;
-            }
-            let sigma_mps = DOPPLER_ZENITH_MPS / elevation_rad.sin().max(0.087);
-            let weight = 1.0 / (sigma_mps * sigma_mps);
-            normal += row * row.transpose() * weight;
-            right += row * (weight * innovation_mps);
-            count += 1;
-        }
-        if count < 4 {
-            return None;
-        }
-        let cofactor = normal.cholesky()?.inverse();
-        estimate = cofactor * right;
-        if pass > 0 {
-            return Some(Velocity {
-                velocity_mps: Vector::new(estimate.x, estimate.y, estimate.z),
-                covariance_m2ps2: cofactor.fixed_view::<3, 3>(0, 0).into_owned(),
-                clock_drift_mps: estimate.w,
-            });
-        }
+    let lowest = point.horizon.lowest_elevation_rad(elevation_mask_rad).sin();
+    let of_satellite = |satellite: &Tracked| equation(satellite, point, lowest);
+    let mut equations: SmallVec<[Equation; 32]> = tracked.iter().filter_map(of_satellite).collect();
+    let (first, cofactor) = least_squares(&equations)?;
+    let before = equations.len();
+    // The first pass shows the outliers, the second one goes without them.
+    equations.retain(|e| (e.innovation_mps - e.row.dot(&first)).abs() <= OUTLIER_MPS);
+    let (estimate, cofactor) = match equations.len() == before {
+        true => (first, cofactor),
+        false => least_squares(&equations)?,
+    };
+    Some(Velocity {
+        velocity_mps: Vector::new(estimate.x, estimate.y, estimate.z),
+        covariance_m2ps2: cofactor.fixed_view::<3, 3>(0, 0).into_owned(),
+        clock_drift_mps: estimate.w,
+    })
+}
+
+/// `None` without Doppler shift, below the elevation whose sine is `lowest`, and for what the position had to leave out.
+fn equation(satellite: &Tracked, point: &PointSolution, lowest: f64) -> Option<Equation> {
+    let measured_mps = satellite.range_rate_mps?;
+    if point.exclusions.iter().any(|e| e.satellite == satellite.satellite) {
+        return None;
     }
-    None
+    let view = View::new(&satellite.state, point.position_m);
+    let sin_elevation = point.horizon.direction(view.line_of_sight).sin_elevation();
+    if sin_elevation < lowest {
+        return None;
+    }
+    let u = view.line_of_sight.xyz();
+    let root_weight = sin_elevation.max(0.087) / DOPPLER_ZENITH_MPS;
+    Some(Equation {
+        row: Vector4::new(-u.x, -u.y, -u.z, 1.0),
+        innovation_mps: measured_mps - satellite_part_mps(satellite, &view),
+        weight: root_weight * root_weight,
+    })
+}
+
+/// Velocity and clock drift, and their covariance; `None` if the equations do not determine them.
+fn least_squares(equations: &[Equation]) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+    let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+    for Equation { row, innovation_mps, weight } in equations {
+        normal += row * (row * *weight).transpose();
+        right += row * (weight * innovation_mps);
+    }
+    let factor = normal.cholesky().filter(|_| equations.len() >= 4)?;
+    let cofactor = factor.inverse();
+    Some((cofactor * right, cofactor))
 }
 
 /// The part of the range rate that does not depend on the antenna's velocity: the satellite's

@@ -56,7 +56,7 @@ impl Antenna {
     /// Direction to a satellite and its elevation.
     fn sight(&self, satellite: &Tracked) -> (nalgebra::Vector3<f64>, f64) {
         let line_of_sight = View::new(&satellite.state, self.point.position_m).line_of_sight;
-        (line_of_sight.xyz(), self.point.horizon.direction(line_of_sight).elevation_rad)
+        (line_of_sight.xyz(), self.point.horizon.direction(line_of_sight).elevation_rad())
     }
 
     /// The satellites with the lowest one first.

@@ -66,10 +66,10 @@ impl Sky {
             sigma_m: 0.5,
         };
         let view = View::new(&state, self.antenna_m);
-        let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad;
+        let sin_elevation = horizon.direction(view.line_of_sight).sin_elevation();
         let band = Band::new(satellite.system, 1);
-        let code_m2 = NOISE.variances(band, elevation_rad, Some(50.0)).code_m2;
-        let delay_m = Troposphere::above(&horizon.geodetic).delay_m(elevation_rad);
+        let code_m2 = NOISE.variances(band, sin_elevation, Some(50.0)).code_m2;
+        let delay_m = Troposphere::above(&horizon.geodetic).delay_m(sin_elevation);
         let sigma_m = (code_m2 + 0.01 + 0.25).sqrt();
         let receiver_m = 3e4 + if satellite.system == System::Gps { 0.0 } else { 12.0 };
         let noise_m = sigma_m * self.normal();

@@ -78,8 +78,11 @@ pub(super) fn text_field(line: &[u8], index: usize) -> Result<Field, Damaged> {
     let digit_at = |at: usize| field.get(at).map_or(Ok(0), |byte| digit(*byte));
     let (indicator, _strength) = (digit_at(14)?, digit_at(15)?);
     let number = &field[..field.len().min(14)];
-    let thousandths = if is_no_number(number) { None } else { f14_3(number)? };
-    Ok(Field { thousandths, indicator })
+    match f14_3(number) {
+        Ok(thousandths) => Ok(Field { thousandths, indicator }),
+        Err(Damaged) if is_no_number(number) => Ok(Field { thousandths: None, indicator }),
+        Err(Damaged) => Err(Damaged),
+    }
 }
 
 /// Whether a program wrote what it has for a number that is none.

@@ -35,12 +35,12 @@ pub fn ranges(
 ) {
     ranges.clear();
     let horizon = Horizon::at(antenna_m);
-    let lowest_rad = horizon.lowest_elevation_rad(settings.elevation_mask_rad);
+    let lowest = horizon.lowest_elevation_rad(settings.elevation_mask_rad).sin();
     let troposphere = Troposphere::above(&horizon.geodetic);
     for satellite in tracked {
         let view = View::new(&satellite.state, antenna_m);
         let direction = horizon.direction(view.line_of_sight);
-        if direction.elevation_rad < lowest_rad {
+        if direction.sin_elevation() < lowest {
             continue;
         }
         let code = &satellite.code;
@@ -49,7 +49,7 @@ pub fn ranges(
             ionosphere_m(&navigation.ionosphere, here, &direction, epoch.time, frequency_hz);
         let clock_m = satellite.state.clock_s * SPEED_OF_LIGHT_MPS;
         let drift_mps = satellite.state.clock_drift * SPEED_OF_LIGHT_MPS;
-        let common_m = clock_m - troposphere.delay_m(direction.elevation_rad);
+        let common_m = clock_m - troposphere.delay_m(direction.sin_elevation());
         let phase = settings.phase_sd_m.and_then(|sd| {
             let observation = carrier(epoch, satellite)?;
             let phase_m = observation.phase_cycles? * SPEED_OF_LIGHT_MPS / frequency_hz;
