@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used)]
 
 #[path = "../examples/data/recording.rs"]
-#[allow(dead_code, reason = "shared with the examples")]
 mod recording;
 #[path = "../examples/data/world.rs"]
 mod world;
