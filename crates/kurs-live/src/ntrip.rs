@@ -271,7 +271,9 @@ mod tests {
         assert!(two.starts_with("GET /M HTTP/1.1\r\nHost: h:2101\r\nNtrip-Version: Ntrip/2.0\r\n"));
         assert!(two.contains("\r\nAuthorization: Basic bWU6c2VjcmV0\r\n"), "{two}");
         assert!(two.ends_with("\r\nNtrip-GGA: $GPGGA,*00\r\n\r\n"), "{two}");
-        let one = request(&Ntrip { user: None, ..caster() }, 1, Some("$GPGGA,*00\r\n"));
+        let mut anonymous = caster();
+        anonymous.place.user = None;
+        let one = request(&anonymous, 1, Some("$GPGGA,*00\r\n"));
         assert!(one.starts_with("GET /M HTTP/1.0\r\nUser-Agent: NTRIP Kurs/"), "{one}");
         assert!(one.ends_with("\r\n\r\n") && !one.contains("GGA") && !one.contains("Auth"));
     }
