@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used)] // a benchmark
 
 #[path = "../examples/data/recording.rs"]
-#[allow(dead_code, reason = "shared with the examples")]
 mod recording;
 #[path = "../examples/data/world.rs"]
 mod world;

@@ -100,7 +100,7 @@ impl Fault {
             What::Swapped => epoch.antennas.swap(self.antenna, (self.antenna + 1) % 3),
             What::LateTag { by_s } => {
                 if let Some(antenna) = &mut epoch.antennas[self.antenna] {
-                    antenna.time = antenna.time + by_s;
+                    antenna.time += by_s;
                 }
             }
             What::ClockStep { milliseconds } => {
