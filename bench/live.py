@@ -389,21 +389,22 @@ position_m = [1.2, 0.0, 0.0]
 
 def bodies(args, folder, faults):
     """Eight bodies with two antennas each, every one of which sees the seven others."""
-    bench = Bench(folder, args, 2 * BODIES, "2024-03-10T12:00:00")
+    ports = free_ports(2 * BODIES)
+    file = folder / "scenario.toml"
     headings = [40.0 * number for number in range(BODIES)]
-    text = bench.scenario.read_text().split("[[body]]")[0]
+    text = scenario(args, 0, "2024-03-10T12:00:00").split("[[body]]")[0]
     for number, heading in enumerate(headings):
         text += BODY_TOML.format(number=number, heading=heading, latitude=52.0 + 1e-4 * number)
-    bench.scenario.write_text(text)
+    file.write_text(text)
     rows = free_ports(BODIES)
-    command = [KURS, "simulate", bench.scenario, "--stream", bench.ports, "--speed", args.speed, "--quiet"]
+    command = [KURS, "simulate", file, "--stream", ports, "--speed", args.speed, "--quiet"]
     simulator = Process(command, args.nice)
     time.sleep(1)
     services = []
     for number in range(BODIES):
         toml = f'[live]\nbody = "b{number}"\n[[output]]\nto = "tcp-listen://:{rows + number}"\nprofile = "jsonl"\n'
         for antenna in range(2):
-            port = bench.ports + 2 * number + antenna
+            port = ports + 2 * number + antenna
             toml += f'[[antenna]]\nname = "A{antenna}"\nstream = "tcp://127.0.0.1:{port}"\n'
             toml += f"position_m = {list(PLACES_M[antenna])}\n"
         for other in range(BODIES):

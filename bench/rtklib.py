@@ -88,7 +88,7 @@ def converted(log, start, folder):
     plain = unpacked(log, folder)
     observations, navigation = f"{plain}.obs", f"{plain}.nav"
     if not os.path.exists(observations):
-        command = ["convbin", "-r", "rtcm3", "-v", "3.04", "-o", observations, "-n", navigation, "-tr", *start, plain]
+        command = ["convbin", "-r", "rtcm3", "-v", "3.04", "-od", "-os", "-o", observations, "-n", navigation, "-tr", *start, plain]
         subprocess.run(command, capture_output=True)
     return observations, navigation
 

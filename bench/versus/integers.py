@@ -37,7 +37,7 @@ def table(options):
             whole_ns, found = numbers.others(theirs, problems)
         search_ns = whole_ns - numbers.others(lambda p: read(filled(pyrtklib, p), size), problems)[0]
         solved = [(u, z, s) for u, (status, z, s) in zip(ours, found) if status == 0]
-        alike = sum(bool(np.array_equal(u[:size], z)) for u, z, _ in solved)
+        alike = sum(bool(np.array_equal(u[:size], np.rint(z))) for u, z, _ in solved)
         off = max((np.max(np.abs(u[size:] - s) / np.maximum(1.0, s)) for u, _, s in solved), default=np.nan)
         rows.append(
             f"| {size} | {numbers.duration(ours_ns)} | {numbers.duration(search_ns)} | {len(problems) - len(solved)} "

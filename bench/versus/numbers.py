@@ -9,7 +9,7 @@ EXAMPLE = "target/release/examples/versus"
 
 
 def kurs(kind, problems, size=None):
-    """Mean time of a problem, ns, and the results; `problems` has one in each row."""
+    """Mean processor time of a problem, ns, and the results; `problems` has one in each row."""
     text = "\n".join(" ".join(map(repr, row)) for row in problems.tolist())
     command = [EXAMPLE, kind, *([] if size is None else [str(size)])]
     lines = subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout.splitlines()

@@ -58,7 +58,8 @@ def read(options, path, readers, with_georinex, work):
         for reader, words in (("kurs", "Kurs, the library"), ("rinex", "crate `rinex`")):
             cost, status, said = measured([*readers, "--one", reader, path])
             yield words, (cost, said.split()[-1] if status == 0 and said.split() else "fails")
-    if rtklib.is_there():
+    # convbin takes compact files for damaged ones.
+    if rtklib.is_there() and not path.endswith(".crx"):
         of_log = ["-r", "rtcm3", "-tr", "2026/06/26", "16:00:00"] if log else ["-r", "rinex"]
         command = ["convbin", *of_log, "-v", "3.04", "-od", "-os", "-o", f"{work}/convbin.obs", "-n", f"{work}/convbin.nav", path]
         yield "`convbin`, which also writes", (measured(command)[0], "–")

@@ -3,10 +3,22 @@
 pub mod interference;
 pub mod matcher;
 
+use std::borrow::Cow;
+
 use interference::Interference;
 
 use crate::signal::{Satellite, Signal};
 use crate::time::GpsTime;
+
+/// Pseudoranges outside these bounds are no signal of a navigation satellite, whatever the
+/// receiver's clock (GEO: 42 000 km; clocks are kept within some milliseconds).
+const PLAUSIBLE_RANGE_M: core::ops::Range<f64> = 1e6..1e8;
+/// Beyond, a double does not resolve a thousandth of a cycle.
+const MAX_PHASE_CYCLES: f64 = 1e12;
+/// In low orbit it is 40 kHz; a clock that drifts by 1e-4 adds 160 kHz.
+const MAX_DOPPLER_HZ: f64 = 1e6;
+/// Receivers tell 60 dB-Hz at most, and some zero for unknown.
+const MAX_CN0_DBHZ: f64 = 1e3;
 
 /// One signal of one satellite at one antenna and epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +37,25 @@ pub struct Observation {
     pub cn0_dbhz: Option<f64>,
     /// What the receiver says about the continuity of the carrier phase.
     pub lock: Lock,
+}
+
+impl Observation {
+    /// The pseudorange, if a navigation satellite can be so far.
+    pub(crate) fn plausible_range(&self) -> Option<f64> {
+        self.pseudorange_m.filter(|range_m| PLAUSIBLE_RANGE_M.contains(range_m))
+    }
+
+    /// Without the numbers that no receiver can have measured: they count as missing.
+    fn plausible(&self) -> Self {
+        let within = |number: Option<f64>, most: f64| number.filter(|n| n.abs() <= most);
+        Self {
+            pseudorange_m: self.plausible_range(),
+            phase_cycles: within(self.phase_cycles, MAX_PHASE_CYCLES),
+            doppler_hz: within(self.doppler_hz, MAX_DOPPLER_HZ),
+            cn0_dbhz: within(self.cn0_dbhz, MAX_CN0_DBHZ),
+            ..*self
+        }
+    }
 }
 
 /// Loss-of-lock indicator of a carrier phase, as bits of the RINEX digit.
@@ -74,4 +105,20 @@ pub struct ArrayEpoch {
     pub antennas: Vec<Option<AntennaEpoch>>,
     /// The fixed station, if there is one and it has this epoch.
     pub station: Option<AntennaEpoch>,
+}
+
+impl ArrayEpoch {
+    /// The epoch without the numbers that no receiver can have measured (not finite, beyond all
+    /// bounds): one of them would spoil whatever is remembered of the others.
+    pub(crate) fn plausible(&self) -> Cow<'_, Self> {
+        let all = |epoch: &AntennaEpoch| epoch.observations.iter().all(|o| o.plausible() == *o);
+        if self.antennas.iter().chain([&self.station]).flatten().all(all) {
+            return Cow::Borrowed(self);
+        }
+        let mut epoch = self.clone();
+        for antenna in epoch.antennas.iter_mut().chain([&mut epoch.station]).flatten() {
+            antenna.observations.iter_mut().for_each(|o| *o = o.plausible());
+        }
+        Cow::Owned(epoch)
+    }
 }

@@ -43,7 +43,10 @@ pub(super) fn findings(
             all.extend(patient.band_or_links(trials, sample));
         }
         all.extend(patient.obstacles());
-        all.extend(patient.antenna(trials));
+        // Without the antenna that states spoofing nobody does: that follows.
+        if !all.iter().any(|finding| finding.code == "spoofing") {
+            all.extend(patient.antenna(trials));
+        }
         all.extend(causes::phases(signals));
         all.extend(patient.noise(trials, is_misshapen));
         if has_bands {

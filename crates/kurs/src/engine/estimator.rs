@@ -136,6 +136,8 @@ impl Estimator {
         observed: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
+        let observed = observed.plausible();
+        let observed = observed.as_ref();
         self.levels.begin(self.settings.direction.running_time(observed.time));
         self.follow_phases(navigation, observed);
         let mut located = core::mem::take(&mut self.located);

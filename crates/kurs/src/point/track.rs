@@ -38,10 +38,6 @@ pub struct Code {
     pub cn0_dbhz: Option<f64>,
 }
 
-/// Pseudoranges outside these bounds are no signal of a navigation satellite, whatever the
-/// receiver's clock (GEO: 42 000 km; clocks are kept within some milliseconds).
-const PLAUSIBLE_RANGE_M: core::ops::Range<f64> = 1e6..1e8;
-
 /// Finds the satellites of the wanted systems in an epoch, each with the code of its lowest band
 /// and, if possible, of a second one. Returns how many satellites had a pseudorange but no ephemeris.
 ///
@@ -67,7 +63,8 @@ pub fn track_sent(
     let mut without_ephemeris = 0;
     for observations in epoch.observations.chunk_by(|a, b| a.satellite == b.satellite) {
         let satellite = observations[0].satellite;
-        if !wanted(satellite.system) || !observations.iter().any(|o| plausible_range(o).is_some()) {
+        if !wanted(satellite.system) || !observations.iter().any(|o| o.plausible_range().is_some())
+        {
             continue;
         }
         if tracked.iter().any(|t| t.satellite == satellite) {
@@ -81,10 +78,6 @@ pub fn track_sent(
     without_ephemeris
 }
 
-fn plausible_range(observation: &Observation) -> Option<f64> {
-    observation.pseudorange_m.filter(|range_m| PLAUSIBLE_RANGE_M.contains(range_m))
-}
-
 fn tracked_satellite(
     epoch: &AntennaEpoch,
     sent: &mut Transmissions<'_>,
@@ -95,14 +88,14 @@ fn tracked_satellite(
 
     // The receiver's tag minus P / c is the satellite's own clock at transmission, whatever the
     // receiver's clock says; the satellite's clock error takes it to GPS time.
-    let ranging = observations.iter().filter(|o| plausible_range(o).is_some());
+    let ranging = observations.iter().filter(|o| o.plausible_range().is_some());
     let first = ranging.clone().min_by_key(|o| o.signal.band.digit)?;
-    let by_satellite_clock = epoch.time + -plausible_range(first)? / SPEED_OF_LIGHT_MPS;
+    let by_satellite_clock = epoch.time + -first.plausible_range()? / SPEED_OF_LIGHT_MPS;
     let sent = sent.at(satellite, by_satellite_clock).ok()?;
 
     let code = |observation: &Observation, delay_m: f64| {
         Some(Code {
-            pseudorange_m: plausible_range(observation)? - delay_m,
+            pseudorange_m: observation.plausible_range()? - delay_m,
             band: observation.signal.band,
             frequency_hz: observation.signal.band.frequency_hz(channel)?,
             cn0_dbhz: observation.cn0_dbhz,

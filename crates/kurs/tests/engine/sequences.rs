@@ -243,4 +243,6 @@ fn sequences_of_faults_leave_every_row_whole_and_hardly_a_fix_wrong() {
     run.unwrap();
     let (fixed, wrong, rows) = (fixed.get(), wrong.get(), rows.get());
     println!("{rows} rows, {fixed} fixed, {wrong} of them wrong");
+    // 4 of 2589 when this was written: half cycles without a flag, and satellites moved at one antenna.
+    assert!(2 * fixed > rows && 200 * wrong <= fixed);
 }
