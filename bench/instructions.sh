@@ -6,8 +6,9 @@
 #
 # Fails if a session takes more than 5 % over its record. --record writes new records, as is due after a change of the
 # compiler, of the simulation or of what the engine does. Programs are counted as the machine runs them: one without
-# AVX2 and FMA takes more, and is skipped. KURS: program (default release build). Without valgrind the check is skipped,
-# with KURS_REQUIRE_TOOLS=1 it fails.
+# AVX2 and FMA takes more, and is skipped. Records are of the release profile as Cargo.toml has it: without its link-time
+# optimisation programs take a quarter more. KURS: program (default release build). Without valgrind the check is
+# skipped, with KURS_REQUIRE_TOOLS=1 it fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 kurs=${KURS:-target/release/kurs}

@@ -185,7 +185,8 @@ fn no_sample_and_no_fix_of_the_attitude_filter_allocates() {
     assert_eq!(allocations(|| run(101..=1100)), 0);
 }
 
-/// Two antennas, each epoch by itself: what is left are the matrices of its double differences and the row.
+/// Two antennas, each epoch by itself. What is left, 443, are the matrices of its double differences, what the searches hand
+/// on, and the row.
 #[test]
 fn an_epoch_allocates_little() {
     let attitude = Attitude { heading_rad: 1.0, pitch_rad: 0.05, roll_rad: -0.03 };
@@ -198,6 +199,5 @@ fn an_epoch_allocates_little() {
         allocations(|| assert!(engine.push(&epoch).is_fixed(), "epoch {k}"))
     });
     let most = counts.skip(10).max().unwrap();
-    println!("{most} allocations in an epoch");
-    assert!(most <= 1000, "{most} allocations");
+    assert!(most <= 480, "{most} allocations");
 }
