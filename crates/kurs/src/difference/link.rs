@@ -126,14 +126,12 @@ pub fn links(
             let computed_m =
                 computed_m + antenna.phase_center_m(band, view.line_of_sight, &direction);
             let whole_cycles = !observation.lock.half_cycle_unresolved();
-            let phase_cycles =
-                observation.phase_cycles.filter(|cycles| whole_cycles && cycles.is_finite());
-            let pseudorange_m = observation.pseudorange_m.filter(|range_m| range_m.is_finite());
+            let phase_cycles = observation.phase_cycles.filter(|_| whole_cycles);
             let mut link = Link {
                 antenna: antenna.index,
                 satellite,
                 signal: observation.signal,
-                code_m: pseudorange_m.map(|p| p - computed_m),
+                code_m: observation.pseudorange_m.map(|p| p - computed_m),
                 phase_m: phase_cycles.map(|cycles| cycles * wavelength_m - computed_m),
                 whole_cycles: 0.0,
                 common_sd_cycles: noise.common_cycles(wavelength_m),
