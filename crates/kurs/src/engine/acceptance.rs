@@ -97,7 +97,8 @@ impl Checks {
         });
     }
 
-    /// The integers of an epoch: whether others are improbable, and whether these fit at all.
+    /// The integers of an epoch: whether others are improbable, also if the geometry is wrong as long as it has not
+    /// proven itself, and whether these fit at all.
     pub(super) fn of_integers(
         found: &Found,
         conditional: &Conditional,
@@ -118,7 +119,7 @@ impl Checks {
             level: 1.0 / (1.0 + rate),
         });
         checks.0.push(Check {
-            reason: misfit_reason(settings),
+            reason: Reason::Unproven,
             statistic: found.doubt,
             degrees_of_freedom: 0,
             p_value: 1.0 / (1.0 + found.doubt),

@@ -241,7 +241,7 @@ impl Estimator {
             predicted.and_then(|p| p.baselines(&epoch.float, &epoch.frame.horizon, settings));
         let decided = predicted
             .as_ref()
-            .filter(|predicted| predicted.may_decide && !fix.is_sure())
+            .filter(|p| p.may_decide && (!fix.is_sure() || fix.waits_for_proof()))
             .and_then(|p| self.searches.fix_with_prediction(p, &epoch, settings, known));
         let is_decided = decided.is_some();
         let fix = decided.unwrap_or(fix);

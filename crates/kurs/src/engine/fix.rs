@@ -74,6 +74,11 @@ impl Fix {
         self.conditional.is_some() && !unsure.into_iter().any(fails)
     }
 
+    /// Whether the integers are sure if the geometry is right, which it has not proven yet.
+    pub(super) fn waits_for_proof(&self) -> bool {
+        self.is_sure() && self.checks.0.iter().any(|c| c.reason == Reason::Unproven && c.fails())
+    }
+
     /// Whether the model is so strong that the integers were not chosen by chance.
     pub(super) fn is_strong(&self) -> bool {
         self.success_rate.is_some_and(|rate| rate > STRONG_MODEL)

@@ -90,7 +90,7 @@ fn other_integers_have_to_be_improbable() {
 #[test]
 fn doubt_in_the_geometry_counts_like_rivals() {
     assert_eq!(failed(|found, _, _| found.doubt = 0.99 * RATE), []);
-    assert_eq!(failed(|found, _, _| found.doubt = 1.01 * RATE), [Reason::Geometry]);
+    assert_eq!(failed(|found, _, _| found.doubt = 1.01 * RATE), [Reason::Unproven]);
 }
 
 #[test]
