@@ -16,14 +16,15 @@ const MAX_EXCESS: f64 = 16.0;
 /// Degrees of freedom of the code's level, over which it is not trusted: its tails are not Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
-/// Odds of a wrong length or place in a configuration, before anything was seen: one in a hundred.
-const PRIOR_DOUBT: f64 = 1e-2;
+/// Odds of a wrong length or place in a configuration, before anything was seen: half of the usual rate of wrong fixes, so
+/// that a session of which nothing speaks against its geometry loses few of them (`… --example predicted_integers`).
+const PRIOR_DOUBT: f64 = 5e-4;
 /// Mean square that a wrong geometry gives the cheapest candidate, about.
 const WRONG_MEAN: f64 = 2.0;
 /// A mean square that speaks for neither: with a wrong geometry a sum of squares `q` of `f` degrees of freedom is `2^{−f/2} e^{q/4}`
 /// times as probable as with the right one, which is 1 for `q = 2 ln 2 · f`.
 const NEUTRAL_MEAN: f64 = 2.0 * core::f64::consts::LN_2;
-/// Ten times as much: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
+/// What they become where epochs fit badly: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
 /// fixes (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
 const MAX_DOUBT: f64 = 0.1;
 /// Below this doubt the geometry is out of the question, unless the fit gets bad.
