@@ -15,5 +15,5 @@ with tempfile.TemporaryDirectory() as folder:
         print(f"{constraint}: {counts['fixed']} of {counts['epochs']} epochs fixed")
 
 #> none: 43 of 61 epochs fixed
-#> length: 58 of 61 epochs fixed
-#> array: 60 of 61 epochs fixed
+#> length: 56 of 61 epochs fixed
+#> array: 58 of 61 epochs fixed

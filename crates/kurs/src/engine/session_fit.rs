@@ -97,6 +97,7 @@ mod tests {
         assert!((after(5, NEUTRAL_MEAN) / PRIOR_DOUBT - 1.0).abs() < 1e-9);
         assert!((after(5, 2.0) - MAX_DOUBT).abs() < 1e-12);
         // One wild epoch is no proof.
-        assert!((after(1, 1e9) - MAX_DOUBT).abs() < 1e-12);
+        let of_one = PRIOR_DOUBT * 10f64.powf((WRONG_MEAN - NEUTRAL_MEAN) / (NEUTRAL_MEAN - 1.0));
+        assert!((after(1, 1e9) / of_one - 1.0).abs() < 1e-9 && of_one < 0.2 * MAX_DOUBT);
     }
 }
