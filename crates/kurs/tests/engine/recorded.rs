@@ -57,7 +57,7 @@ fn a_recorded_epoch_gives_what_it_gave() {
             Reason::Geometry,
             Reason::WeakModel,
             Reason::Ratio,
-            Reason::Length,
+            Reason::Unproven,
             Reason::Closure,
             Reason::Residuals,
             Reason::Length,
