@@ -4,7 +4,7 @@
 #
 #   bench/integers_against_rtklib.sh        (needs rnx2rtkp, from Debian's package rtklib)
 #
-# A fix is wrong if a component is off by more than 5 cm and 5 standard deviations.
+# What is a wrong fix stands in bench/judging.py.
 # KURS_DATA: folder of the recordings (default ../shared/data). KURS: program (default release build).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -28,12 +28,13 @@ row() { # recording, base, rover, nav, bands, kurs settings, RTKLIB base configu
         grep -q "^${change%%=*}" "$work/rtklib.conf" || echo "$change" >> "$work/rtklib.conf"
     done
     rnx2rtkp -k "$work/rtklib.conf" -o "$work/out.pos" "$rover" "$base" "$nav" >/dev/null 2>&1 || true
-    python3 - "$1" "$5" "${11}" "${10}" "$work" <<'PY'
+    PYTHONPATH=bench python3 - "$1" "$5" "${11}" "${10}" "$work" <<'PY'
 import csv, sys
+from judging import is_wrong
 name, bands, mode, truth, work = sys.argv[1:]
 truth = [float(x) for x in truth.split(",")]
 def judged(vectors, epochs, first):
-    wrong = sum(any(abs(v - t) > max(0.05, 5 * s) for v, s, t in zip(e, sd, truth)) for e, sd in vectors)
+    wrong = sum(is_wrong([v - t for v, t in zip(e, truth)], sd) for e, sd in vectors)
     return f"{100 * (len(vectors) - wrong) / max(epochs, 1):6.2f} % right {wrong:4} wrong {first}"
 rows = list(csv.DictReader(open(f"{work}/out/attitude.csv")))
 fixed = [r for r in csv.DictReader(open(f"{work}/out/baselines.csv")) if r["status"] == "fixed"]

@@ -48,7 +48,7 @@ impl StatedInterference {
         self.shares(names, |counts| counts.spoofed)
     }
 
-    /// The same of jamming.
+    /// Which antennas state jamming and how often, in words; `None` if none does.
     pub(crate) fn jammed(&self, names: &[String]) -> Option<String> {
         self.shares(names, |counts| counts.jammed)
     }

@@ -267,14 +267,9 @@ fn a_log_as_fast_as_possible_gives_the_rows_of_solve() {
 
 /// NAV-STATUS of u-blox with this `spoofDetState`.
 fn nav_status(spoofing: u8) -> Vec<u8> {
-    let mut body = vec![0x01, 0x03, 16, 0];
-    body.extend([0; 16]);
-    body[4 + 7] = spoofing << 3;
-    let checksum = body.iter().fold((0_u8, 0_u8), |(a, b), byte| {
-        let a = a.wrapping_add(*byte);
-        (a, b.wrapping_add(a))
-    });
-    [&[0xb5, 0x62], body.as_slice(), &[checksum.0, checksum.1]].concat()
+    let mut payload = [0; 16];
+    payload[7] = spoofing << 3;
+    kurs_formats::ubx::frame([0x01, 0x03], &payload)
 }
 
 /// A receiver that states spoofing before the 51st epoch and takes it back before the 71st: the rows between are refused, by

@@ -67,7 +67,8 @@ pub enum Reason {
     Slip,
     /// Observations that cannot be used.
     BadInput,
-    /// An isolated fix of a weak model, which no other epoch confirms yet.
+    /// An isolated fix of a weak model, which no other epoch confirms yet; or integers that are not sure without the
+    /// known geometry, which the session has not confirmed yet.
     Unproven,
     /// Integers of one arc disagree between epochs.
     Contradiction,

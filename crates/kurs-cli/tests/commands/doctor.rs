@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
+use kurs_formats::ubx;
 use tempfile::TempDir;
 
 const PLACES: [[f64; 3]; 4] =
@@ -171,17 +172,6 @@ fn no_common_band() {
     named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
 }
 
-/// A message of u-blox with these bytes of payload.
-fn ubx(class_and_id: [u8; 2], payload: &[u8]) -> Vec<u8> {
-    let length = u16::try_from(payload.len()).unwrap().to_le_bytes();
-    let body = [&class_and_id[..], &length, payload].concat();
-    let checksum = body.iter().fold((0_u8, 0_u8), |(a, b), byte| {
-        let a = a.wrapping_add(*byte);
-        (a, b.wrapping_add(a))
-    });
-    [&[0xb5, 0x62], body.as_slice(), &[checksum.0, checksum.1]].concat()
-}
-
 /// What a receiver states about foreign signals (NAV-STATUS: spoofing; MON-RF: a band that is jammed) in front of
 /// every epoch is the finding, and stands in the report.
 #[test]
@@ -189,8 +179,10 @@ fn stated_interference() {
     let (mut spoofed, mut jammed) = ([0; 16], [0; 28]);
     spoofed[7] = 2 << 3;
     (jammed[1], jammed[4 + 1]) = (1, 2);
-    let messages =
-        [("spoofing", ubx([0x01, 0x03], &spoofed)), ("jamming", ubx([0x0a, 0x38], &jammed))];
+    let messages = [
+        ("spoofing", ubx::frame([0x01, 0x03], &spoofed)),
+        ("jamming", ubx::frame([0x0a, 0x38], &jammed)),
+    ];
     for (code, message) in messages {
         let folder = TempDir::new().unwrap();
         let tables = "[output]\nformats = [\"ubx\"]\n";

@@ -24,8 +24,9 @@ pub use write::UbxWriter;
 
 use crate::logs::checksum::fletcher;
 
-/// A message with its framing. Payloads have less than 65536 bytes.
-fn frame(id: [u8; 2], payload: &[u8]) -> Vec<u8> {
+/// A message of this class and number with its framing. Payloads have less than 65536 bytes.
+#[must_use]
+pub fn frame(id: [u8; 2], payload: &[u8]) -> Vec<u8> {
     let [low, high, ..] = payload.len().to_le_bytes();
     let mut message = vec![0xb5, 0x62, id[0], id[1], low, high];
     message.extend(payload);

@@ -75,6 +75,11 @@ impl Checks {
         self.0.iter().all(|check| !check.fails())
     }
 
+    /// Whether one of this reason fails.
+    pub(super) fn fail_by(&self, reason: Reason) -> bool {
+        self.0.iter().any(|check| check.reason == reason && check.fails())
+    }
+
     fn judge(&mut self, reason: Reason, fit: Fit, scale: Scale) {
         self.0.push(Check {
             reason,

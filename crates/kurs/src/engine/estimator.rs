@@ -160,7 +160,8 @@ impl Estimator {
         row
     }
 
-    /// The same of an epoch that is not to be believed: nothing is learnt from it but where phases were interrupted.
+    /// Attitude, baselines and position of an epoch that is not to be believed: nothing is learnt from it but where phases
+    /// were interrupted.
     pub(crate) fn push_untrusted(
         &mut self,
         navigation: &NavigationData,

@@ -70,13 +70,12 @@ impl Fix {
     /// Whether the integers are sure, even if they contradict something: other ones are improbable.
     pub(super) fn is_sure(&self) -> bool {
         let unsure = [Reason::WeakModel, Reason::SuccessRate, Reason::Ratio];
-        let fails = |reason| self.checks.0.iter().any(|c| c.reason == reason && c.fails());
-        self.conditional.is_some() && !unsure.into_iter().any(fails)
+        self.conditional.is_some() && !unsure.into_iter().any(|reason| self.checks.fail_by(reason))
     }
 
     /// Whether the integers are sure if the geometry is right, which it has not proven yet.
     pub(super) fn waits_for_proof(&self) -> bool {
-        self.is_sure() && self.checks.0.iter().any(|c| c.reason == Reason::Unproven && c.fails())
+        self.is_sure() && self.checks.fail_by(Reason::Unproven)
     }
 
     /// Whether the model is so strong that the integers were not chosen by chance.

@@ -24,7 +24,7 @@ const WRONG_MEAN: f64 = 2.0;
 /// A mean square that speaks for neither: with a wrong geometry a sum of squares `q` of `f` degrees of freedom is `2^{−f/2} e^{q/4}`
 /// times as probable as with the right one, which is 1 for `q = 2 ln 2 · f`.
 const NEUTRAL_MEAN: f64 = 2.0 * core::f64::consts::LN_2;
-/// What they become where epochs fit badly: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
+/// The odds where epochs fit badly, at most: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
 /// fixes (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
 const MAX_DOUBT: f64 = 0.1;
 /// Below this doubt the geometry is out of the question, unless the fit gets bad.

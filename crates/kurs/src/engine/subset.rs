@@ -49,7 +49,7 @@ pub(super) struct Subsets {
 }
 
 /// What came of the trials without suspects.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Trials {
     /// The surest one that is accepted.
     pub(super) best: Option<Subset>,
