@@ -161,6 +161,15 @@ mod tests {
         assert!(links.iter().all(|l| l.signal.attribute == b'W'));
     }
 
+    /// Two codes of as many satellites: the pilot's, not the one that a civil receiver tracks without its key.
+    #[test]
+    fn the_preferred_code_wins_among_equals() {
+        let both = |antenna| [link(antenna, 1, 2, b'W'), link(antenna, 1, 2, b'L')];
+        let mut links = [both(0), both(1)].concat();
+        group(&mut links);
+        assert_eq!(codes(&links), [(1, 0, 'L'), (1, 1, 'L')]);
+    }
+
     #[test]
     fn mixed_receivers_get_a_group_of_their_pair_of_codes() {
         let mut links = vec![

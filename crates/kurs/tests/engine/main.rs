@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::duplicate_mod)] // a test; each example stands alone
 
 mod acceptance;
+mod float_solution;
 mod left_out;
 mod properties;
 mod recorded;
@@ -11,6 +12,7 @@ mod recording;
 mod rows;
 mod sequences;
 mod velocity;
+mod whole_row;
 #[path = "../../examples/data/world.rs"]
 mod world;
 

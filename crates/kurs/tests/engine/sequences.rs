@@ -9,13 +9,12 @@ use kurs::float_solution::recursive::Motion as Moves;
 use kurs::frames::enu_from_ned;
 use kurs::observation::matcher::Matcher;
 use kurs::observation::{AntennaEpoch, ArrayEpoch, Lock, Observation};
-use kurs::solution::{EpochSolution, Status};
-use nalgebra::Matrix3;
+use kurs::solution::EpochSolution;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
 use super::world::{Motion, World};
-use super::{TRIANGLE_M, degrees, engine, told};
+use super::{TRIANGLE_M, degrees, engine, told, whole_row};
 
 const EPOCHS: usize = 16;
 const LIGHT_MPS: f64 = 299_792_458.0;
@@ -162,33 +161,6 @@ fn move_by(observation: &mut Observation, by_m: f64) {
     add(&mut observation.phase_cycles, by_m / WAVELENGTH_M);
 }
 
-/// What every row has to be.
-fn check(row: &EpochSolution) -> Result<(), TestCaseError> {
-    let says_why = matches!(row.status(), Status::Fixed | Status::NotCapable);
-    prop_assert_eq!(row.reason().is_none(), says_why, "{:?}", row);
-    let is_covariance = |matrix: &Matrix3<f64>| {
-        matrix.iter().all(|number| number.is_finite()) && matrix.cholesky().is_some()
-    };
-    if let Some(attitude) = row.attitude() {
-        let angles = attitude.angles_rad();
-        for (k, angle) in angles.iter().enumerate().filter(|(_, angle)| angle.is_some()) {
-            let variance = attitude.covariance_rad2[(k, k)];
-            prop_assert!(angle.unwrap().is_finite() && variance.is_finite() && variance > 0.0);
-        }
-        let whole = angles.iter().all(Option::is_some);
-        prop_assert!(!whole || is_covariance(&attitude.covariance_rad2), "{:?}", attitude);
-    }
-    for baseline in &row.baselines {
-        prop_assert!(baseline.baseline_m.xyz().iter().all(|metres| metres.is_finite()));
-        prop_assert!(is_covariance(&baseline.covariance_m2), "{:?}", baseline);
-    }
-    if let Some(position) = &row.position {
-        prop_assert!(position.position_m.xyz().iter().all(|metres| metres.is_finite()));
-        prop_assert!(is_covariance(&position.covariance_m2), "{:?}", position);
-    }
-    Ok(())
-}
-
 /// Off by more than 5 cm and five standard deviations, as on recordings.
 fn is_wrong(row: &EpochSolution, body: &Motion) -> bool {
     row.baselines.iter().any(|baseline| {
@@ -230,7 +202,7 @@ fn sequences_of_faults_leave_every_row_whole_and_hardly_a_fix_wrong() {
                 let row = engine.push(&instant);
                 prop_assert!(last.is_none_or(|last| row.time > last), "out of order: {:?}", row);
                 last = Some(row.time);
-                check(&row)?;
+                whole_row::check(&row);
                 rows.set(rows.get() + 1);
                 if row.is_fixed() {
                     fixed.set(fixed.get() + 1);
