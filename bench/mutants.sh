@@ -23,6 +23,8 @@ sample)
     ;;
 esac
 
+# A mutant that asks for memory without end ends alone, kB.
+ulimit -v 12000000
 # Unoptimised but for what it depends on, so that a mutant is built in some seconds; without the tests that take minutes so.
 CARGO_PROFILE_TEST_OPT_LEVEL=0 CARGO_PROFILE_TEST_DEBUG=0 \
     cargo mutants -p kurs --jobs 1 --timeout 60 --output target '-C=--config=profile.test.package."*".opt-level=2' \

@@ -895,11 +895,8 @@ fn rows_so_far(out: &Path) -> Vec<Row> {
     let fields = rows.map(|row| row.split(',').map(str::to_owned).collect::<Vec<_>>());
     // The last one may be half written.
     let whole = fields.filter(|fields| fields.len() > 6);
-    let row = |f: Vec<String>| Row {
-        time: f[0].clone(),
-        status: f[3].clone(),
-        antennas: f[5].clone(),
-    };
+    let row =
+        |f: Vec<String>| Row { time: f[0].clone(), status: f[3].clone(), antennas: f[5].clone() };
     whole.map(row).collect()
 }
 

@@ -68,6 +68,17 @@ impl Args {
     }
 }
 
+/// What went in, for the summary.
+struct Inputs<'a> {
+    files: &'a [PathBuf],
+    /// The run ended before them.
+    is_interrupted: bool,
+    configuration: String,
+    damage: &'a [Damage],
+    too_late: usize,
+    wall_s: f64,
+}
+
 /// What a run may leave in its folder.
 const OUTPUTS: &[&str] = &[
     "attitude.csv",

@@ -151,6 +151,29 @@ mod tests {
         assert!(without.select(&[Some(0), None]).lacks(1));
     }
 
+    /// What is left of an unknown by rounding says nothing of the others.
+    #[test]
+    fn a_rest_of_rounding_is_only_dropped() {
+        let pivot = 100.0 * NOTHING;
+        let column = 10.0 * pivot.sqrt();
+        let mut information = Information {
+            matrix: DMatrix::from_row_slice(2, 2, &[1e6, column, column, pivot]),
+            vector: DVector::from_row_slice(&[3.0, pivot]),
+        };
+        information.forget(1);
+        assert_eq!(information.matrix, DMatrix::from_row_slice(2, 2, &[1e6, 0.0, 0.0, 0.0]));
+        assert_eq!(information.vector, DVector::from_row_slice(&[3.0, 0.0]));
+    }
+
+    #[test]
+    fn what_fades_says_the_same_less_surely() {
+        let (x, q) = solved(&example());
+        let mut faded = example();
+        faded.fade(0.25);
+        let (y, p) = solved(&faded);
+        assert!((y - x).norm() < 1e-12 && (p - q * 4.0).norm() < 1e-12);
+    }
+
     #[test]
     fn a_random_walk_adds_its_variance() {
         let (x, q) = solved(&example());

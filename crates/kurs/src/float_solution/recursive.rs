@@ -477,3 +477,75 @@ impl Phases {
         used
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::System;
+
+    /// Information from observations `h·x = value` of these weights, `x` a baseline of one component and the
+    /// ambiguities of three arcs, m.
+    fn observed(rows: &[([f64; 4], f64, f64)]) -> Information {
+        let mut information = Information::nothing(4);
+        for (design, value, weight) in rows {
+            let h = DVector::from_row_slice(design);
+            information.matrix.ger(*weight, &h, &h, 1.0);
+            information.vector.axpy(weight * value, &h, 1.0);
+        }
+        information
+    }
+
+    /// Three phases of a centimetre, whose arcs have ambiguities of 1, 2 and 3 m, with these errors, m.
+    fn phases(errors_m: [f64; 3]) -> Vec<([f64; 4], f64, f64)> {
+        let of_arc = |(k, error_m): (usize, f64)| {
+            let mut design = [0.1 * (1 + k) as f64, 0.0, 0.0, 0.0];
+            design[1 + k] = 1.0;
+            (design, (1 + k) as f64 + error_m, 1e4)
+        };
+        errors_m.into_iter().enumerate().map(of_arc).collect()
+    }
+
+    /// The arc that has slipped, where phases with these errors come after others without one.
+    fn slipped(errors_m: [f64; 3], least_m: [f64; 3]) -> Option<usize> {
+        let mut before = phases([0.0; 3]);
+        before.push(([1.0, 0.0, 0.0, 0.0], 0.0, 1e6));
+        worst_departure(
+            &observed(&before),
+            &observed(&phases(errors_m)),
+            &[0, 1, 2, 3],
+            1,
+            &least_m,
+        )
+    }
+
+    #[test]
+    fn the_arc_that_departs_most_has_slipped() {
+        let least_m = [0.05; 3];
+        assert_eq!(slipped([0.0; 3], least_m), None);
+        assert_eq!(slipped([0.0, 0.19, -0.12], least_m), Some(1));
+        assert_eq!(slipped([-0.19, 0.12, 0.0], least_m), Some(0));
+        // Less than a slip can be, however sure.
+        assert_eq!(slipped([0.0, 0.19, -0.12], [0.05, 0.5, 0.05]), Some(2));
+        assert_eq!(slipped([0.001, 0.0, 0.0], least_m), None);
+        // Nothing to compare with.
+        let news = observed(&phases([0.0, 0.19, 0.0]));
+        assert_eq!(worst_departure(&observed(&[]), &news, &[0, 1, 2, 3], 1, &least_m), None);
+    }
+
+    #[test]
+    fn an_arc_goes_on_under_its_number_with_its_codes() {
+        let code_of_all: Codes = smallvec![(usize::MAX, b'C')];
+        let arc = Arc {
+            antenna: 1,
+            satellite: Satellite::new(System::Gps, 7),
+            signal: Signal::new(System::Gps, 1, b'C'),
+            number: 3,
+            codes: code_of_all,
+            wavelength_m: 0.19,
+            whole_cycles: 5.0,
+        };
+        assert!(arc.continues(&Arc { whole_cycles: 9.0, ..arc.clone() }));
+        assert!(!arc.continues(&Arc { number: 4, ..arc.clone() }));
+        assert!(!arc.continues(&Arc { codes: smallvec![(0, b'C'), (1, b'L')], ..arc.clone() }));
+    }
+}

@@ -1,12 +1,12 @@
 //! From observations to the float solution, stage by stage, at places that are known.
 
+use kurs::Settings;
 use kurs::atmosphere::Troposphere;
 use kurs::difference::{self, Antenna, Link};
 use kurs::ephemeris::Transmissions;
 use kurs::float_solution::{Fit, FloatSolution};
 use kurs::point;
-use kurs::Settings;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::world::{Motion, World};
 use super::{TRIANGLE_M, degrees};
@@ -113,6 +113,48 @@ fn code_can_be_left_out() {
     let integers: Vec<f64> = true_cycles.iter().map(|cycles| cycles.round()).collect();
     let by_phases_m = without.conditional(&integers).unwrap().correction_m;
     assert!(by_phases_m.amax() < 1e-3, "{by_phases_m}");
+}
+
+/// Two components that are told enter as two more observations of the code do:
+/// `Q ← (Q⁻¹ + U V⁻¹ Uᵀ)⁻¹`, `x̂ ← Q (Q⁻¹ x̂ + U V⁻¹ y)`, and the ambiguities follow.
+#[test]
+fn told_components_are_observations() {
+    let (float, _) = float(0.3);
+    let mut directions = DMatrix::zeros(6, 2);
+    (directions[(0, 0)], directions[(2, 0)], directions[(4, 1)]) = (0.6, 0.8, 1.0);
+    let told_m = DVector::from_row_slice(&[0.05, -0.02]);
+    let variance_m2 = DMatrix::from_row_slice(2, 2, &[0.01, 0.004, 0.004, 0.02]);
+    let informed = float.informed(&directions, &told_m, &variance_m2).unwrap();
+
+    let inverse = |matrix: &DMatrix<f64>| matrix.clone().try_inverse().unwrap();
+    let is_near = |found: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str| {
+        let off = (found - expected).norm() / expected.norm();
+        assert!(off < 1e-9, "{what}: {off}");
+    };
+    let before = inverse(&float.covariance_m2);
+    let weight = &directions * inverse(&variance_m2);
+    let gained = &weight * directions.transpose();
+    let covariance_m2 = inverse(&(&before + &gained));
+    is_near(&informed.covariance_m2, &covariance_m2, "covariance");
+    let correction_m = &covariance_m2 * (&before * &float.correction_m + &weight * &told_m);
+    assert!((&informed.correction_m - &correction_m).amax() < 1e-9);
+    let cycles = DVector::from_vec(float.cycles(&correction_m));
+    assert!((&informed.ambiguities_cycles - cycles).amax() < 1e-6);
+    // −A_Φᵀ Λ⁻¹
+    let by_baselines = &before * &float.cross_covariance;
+    is_near(&informed.cross_covariance, &(&covariance_m2 * &by_baselines), "cross covariance");
+    let lost = by_baselines.tr_mul(&((&float.covariance_m2 - &covariance_m2) * &by_baselines));
+    is_near(&informed.ambiguity_covariance, &(&float.ambiguity_covariance - lost), "ambiguities");
+    let given_integers = |of: &FloatSolution| inverse(&of.conditional_covariance_m2().unwrap());
+    is_near(&given_integers(&informed), &(given_integers(&float) + &gained), "given integers");
+
+    let off_m = &told_m - directions.tr_mul(&float.correction_m);
+    let spread = directions.tr_mul(&(&float.covariance_m2 * &directions)) + &variance_m2;
+    let sum = float.code_fit.sum + off_m.dot(&(inverse(&spread) * &off_m));
+    assert!((informed.code_fit.sum - sum).abs() < 1e-9 * sum);
+    let degrees = |of: &FloatSolution| of.code_fit.degrees_of_freedom;
+    assert_eq!(degrees(&informed), degrees(&float) + 2);
+    assert_eq!((float.told_components(), informed.told_components()), (0, 2));
 }
 
 /// Residuals stand beside the link that they are of: one spoilt code shows at its own link.

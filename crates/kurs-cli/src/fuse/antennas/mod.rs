@@ -13,15 +13,15 @@ use std::time::Instant;
 use anyhow::bail;
 use kurs::fusion::attitude::feed::AttitudeFeed;
 
-use super::Args;
 use super::imu::Sensor;
+use super::{Args, Inputs};
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
 use crate::output::OutputFolder;
 use crate::truth::Truth;
 use config::Config;
-use rows::{Inputs, Rows};
+use rows::Rows;
 use source::Source;
 
 /// Runs the command.

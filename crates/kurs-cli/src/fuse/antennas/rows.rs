@@ -1,7 +1,7 @@
 //! What `kurs fuse` writes for antennas and an inertial sensor: `attitude.csv` and `smoothed.csv` with
 //! the columns of `kurs solve`, `health.csv`, `summary.json`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kurs::fusion::attitude::session::{AttitudeSession, CoastingHealth, FusedRow};
 use kurs::solution::{PredictionRole, Status};
@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
 use crate::fuse::events::{self, EventLog};
-use crate::fuse::words;
+use crate::fuse::{Inputs, words};
 use crate::output;
 use crate::report::Report;
-use crate::summary::{Damage, Summary, SummaryFile};
+use crate::summary::{Summary, SummaryFile};
 use crate::table::{Table, TableFormat};
 use crate::tables::{AttitudeTable, TimeColumns};
 use crate::truth::Truth;
@@ -50,17 +50,6 @@ pub(super) struct Rows {
     is_predicted: bool,
     report: Option<Report>,
     events: EventLog,
-}
-
-/// What went in, for the summary.
-pub(super) struct Inputs<'a> {
-    pub(super) files: &'a [PathBuf],
-    /// The run ended before them.
-    pub(super) is_interrupted: bool,
-    pub(super) configuration: String,
-    pub(super) damage: &'a [Damage],
-    pub(super) too_late: usize,
-    pub(super) wall_s: f64,
 }
 
 /// How the run ended.

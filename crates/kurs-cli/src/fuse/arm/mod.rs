@@ -12,7 +12,7 @@ use anyhow::bail;
 use kurs::fusion::arm::session::{ArmSession, SessionRow};
 use kurs::observation::AntennaEpoch;
 
-use super::Args;
+use super::{Args, Inputs};
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
@@ -22,7 +22,7 @@ use crate::truth::Truth;
 use crate::window::Window;
 use config::Config;
 use input::Input;
-use rows::{Inputs, Rows};
+use rows::Rows;
 use simulated::TRUTH;
 
 /// Runs the command.

@@ -1,6 +1,6 @@
 //! What `kurs fuse` writes: `attitude.csv` as `kurs solve` does, `health.csv`, `summary.json`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use kurs::fusion::arm::filter::Health;
 use kurs::fusion::arm::session::SessionRow;
@@ -10,10 +10,10 @@ use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
 use crate::fuse::events::{self, EventLog};
-use crate::fuse::words;
+use crate::fuse::{Inputs, words};
 use crate::output;
 use crate::report::Report;
-use crate::summary::{Damage, Summary};
+use crate::summary::Summary;
 use crate::table::{Table, TableFormat};
 use crate::tables::{AttitudeTable, TimeColumns};
 use crate::truth::Truth;
@@ -44,17 +44,6 @@ pub(super) struct Rows {
     total: Health,
     report: Option<Report>,
     events: EventLog,
-}
-
-/// What went in, for the summary.
-pub(super) struct Inputs<'a> {
-    pub(super) files: &'a [PathBuf],
-    /// The run ended before them.
-    pub(super) is_interrupted: bool,
-    pub(super) configuration: String,
-    pub(super) damage: &'a [Damage],
-    pub(super) too_late: usize,
-    pub(super) wall_s: f64,
 }
 
 /// What stands in `summary.json` besides the summary of the rows.
