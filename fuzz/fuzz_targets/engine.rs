@@ -12,6 +12,7 @@ mod whole_row;
 use std::sync::LazyLock;
 
 use kurs::engine::Ambiguities;
+use kurs::float_solution::recursive::Motion;
 use kurs::observation::{ArrayEpoch, Lock};
 use kurs::{AntennaArray, Constraint, Engine, NavigationData, Settings, Vector};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
@@ -21,6 +22,8 @@ static NAVIGATION: LazyLock<NavigationData> = LazyLock::new(|| {
 });
 static EPOCHS: LazyLock<Vec<ArrayEpoch>> = LazyLock::new(|| recording::epochs().expect("a table"));
 
+const AMBIGUITIES: [Ambiguities; 2] =
+    [Ambiguities::Instantaneous, Ambiguities::Continuous(Motion::Free)];
 /// Epochs of one session at most.
 const MAX_EPOCHS: usize = 12;
 
@@ -47,7 +50,7 @@ fn session(bytes: &mut Unstructured<'_>) -> Result<()> {
         antennas: 2,
         array: Some(AntennaArray::new(ends).expect("two places")),
         constraint: *bytes.choose(&[Constraint::None, Constraint::Length, Constraint::Array])?,
-        ambiguities: *bytes.choose(&[Ambiguities::Instantaneous, Ambiguities::Continuous])?,
+        ambiguities: *bytes.choose(&AMBIGUITIES)?,
         ..Settings::default()
     };
     let mut engine = Engine::new(settings, NAVIGATION.clone()).expect("settings that are right");

@@ -4,6 +4,7 @@
 
 mod acceptance;
 mod float_solution;
+mod frozen;
 mod left_out;
 mod properties;
 mod recorded;
