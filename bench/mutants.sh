@@ -29,4 +29,4 @@ ulimit -v 12000000
 CARGO_PROFILE_TEST_OPT_LEVEL=0 CARGO_PROFILE_TEST_DEBUG=0 \
     cargo mutants -p kurs --jobs 1 --timeout 60 --output target '-C=--config=profile.test.package."*".opt-level=2' \
     -C=--lib -C=--test=engine "$@" -- -- \
-    difference:: engine:: float_solution left_out:: matcher:: recorded:: rows:: velocity
+    difference:: engine:: float_solution frozen:: left_out:: matcher:: recorded:: rows:: velocity
