@@ -146,7 +146,13 @@ fn told_components_are_observations() {
     let lost = by_baselines.tr_mul(&((&float.covariance_m2 - &covariance_m2) * &by_baselines));
     is_near(&informed.ambiguity_covariance, &(&float.ambiguity_covariance - lost), "ambiguities");
     let given_integers = |of: &FloatSolution| inverse(&of.conditional_covariance_m2().unwrap());
-    is_near(&given_integers(&informed), &(given_integers(&float) + &gained), "given integers");
+    let given_both = given_integers(&float) + &gained;
+    is_near(&given_integers(&informed), &given_both, "given integers");
+    let integers = vec![0.0; float.ambiguities_cycles.len()];
+    let by_integers = |of: &FloatSolution| of.conditional(&integers).unwrap().correction_m;
+    let right = given_integers(&float) * by_integers(&float) + &weight * &told_m;
+    let off_m = by_integers(&informed) - inverse(&given_both) * right;
+    assert!(off_m.amax() < 1e-6, "{off_m}");
 
     let off_m = &told_m - directions.tr_mul(&float.correction_m);
     let spread = directions.tr_mul(&(&float.covariance_m2 * &directions)) + &variance_m2;

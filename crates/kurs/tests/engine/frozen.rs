@@ -25,6 +25,9 @@ const NOTHING: f64 = 1e-9;
 const ONE_METRE: [[f64; 3]; 2] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
 const CONTINUOUS: Ambiguities = Ambiguities::Continuous(Moves::Free);
 
+/// Three antennas, none of them at the origin of the body.
+const OFF_ITS_ORIGIN: [[f64; 3]; 3] = [[0.4, 0.3, -0.2], [1.4, 0.3, -0.2], [0.5, 1.2, -0.1]];
+
 /// What befalls the epoch of a number.
 type Spoil = fn(&mut ArrayEpoch, u32);
 
@@ -107,6 +110,36 @@ fn sessions() -> Vec<Session> {
         }
     };
     sessions.push(slips);
+
+    let mut unseen = Session::new("slips that no Doppler shows", &OFF_ITS_ORIGIN);
+    unseen.settings.ambiguities = Ambiguities::Continuous(Moves::RandomWalk { m_per_sqrt_s: 0.05 });
+    unseen.epochs = 12;
+    unseen.spoil = |epoch, second| {
+        for antenna in 0..3 {
+            each(epoch, antenna, |(_, o)| o.doppler_hz = None);
+        }
+        each(epoch, 2, |(k, o)| {
+            let has_slipped = (k == 4 && second >= 5) || (k == 1 && second >= 8);
+            add(&mut o.phase_cycles, if has_slipped { 2.0 } else { 0.0 });
+        });
+    };
+    sessions.push(unseen);
+
+    let mut weak = Session::new("one weak band", &OFF_ITS_ORIGIN[..2]);
+    weak.settings.ambiguities = CONTINUOUS;
+    weak.settings.constraint = Constraint::Length;
+    weak.world.signals.truncate(1);
+    weak.world.code_sd_m = 0.8;
+    weak.epochs = 15;
+    sessions.push(weak);
+
+    let mut poor = Session::new("a reference with three satellites", &TRIANGLE_M);
+    poor.spoil = |epoch, second| {
+        if (2..4).contains(&second) {
+            epoch.antennas[0].as_mut().unwrap().observations.truncate(3);
+        }
+    };
+    sessions.push(poor);
 
     let mut rest = Session::new("a body at rest", &ONE_METRE);
     rest.settings.ambiguities = Ambiguities::Continuous(Moves::Static);
@@ -193,8 +226,14 @@ fn sessions_give_the_rows_that_they_gave() {
 /// A weak epoch whose attitude is predicted: rightly, and by twenty degrees wrong.
 #[test]
 fn predicted_epochs_give_the_rows_that_they_gave() {
-    for (name, off_deg) in [("a prediction", 0.0), ("a wrong prediction", 20.0)] {
+    let instantaneous = Ambiguities::Instantaneous;
+    for (name, off_deg, ambiguities) in [
+        ("a prediction", 0.0, instantaneous),
+        ("a wrong prediction", 20.0, instantaneous),
+        ("a prediction beside a memory", 0.3, CONTINUOUS),
+    ] {
         let mut session = Session::new(name, &ONE_METRE);
+        session.settings.ambiguities = ambiguities;
         session.world.mask_rad = 38f64.to_radians();
         let mut engine = engine(session.settings, &session.world);
         let rows = (0..6u32).map(|second| {
