@@ -205,6 +205,26 @@ fn sessions() -> Vec<Session> {
     bands.epochs = 4;
     sessions.push(bands);
 
+    let mut alike = Session::new("errors that the bands have in common", &ONE_METRE);
+    alike.world.signals = signals.iter().map(|signal| signal.parse().unwrap()).collect();
+    alike.epochs = 8;
+    alike.spoil = |epoch, second| {
+        each(epoch, 1, |(_, o)| {
+            let error = ((7 * u32::from(o.satellite.number) + 3 * second) % 9) as f64 - 4.0;
+            add(&mut o.pseudorange_m, 0.4 * error);
+            let wavelength_m = o.signal.band.wavelength_m(None).unwrap();
+            add(&mut o.phase_cycles, 0.0015 * error / wavelength_m);
+        });
+    };
+    sessions.push(alike);
+
+    let mut hopeless = Session::new("a search without an end", &RECTANGLE_M);
+    hopeless.settings.constraint = Constraint::None;
+    hopeless.world.signals.truncate(1);
+    hopeless.world.code_sd_m = 60.0;
+    hopeless.epochs = 2;
+    sessions.push(hopeless);
+
     let mut absent = Session::new("an antenna that is not there", &RECTANGLE_M);
     absent.spoil = |epoch, second| {
         if (1..4).contains(&second) {
