@@ -218,6 +218,19 @@ fn sessions() -> Vec<Session> {
     };
     sessions.push(alike);
 
+    let mut spoilt = Session::new("a satellite spoilt on all bands", &ONE_METRE);
+    spoilt.world.signals = signals.iter().map(|signal| signal.parse().unwrap()).collect();
+    spoilt.settings.constraint = Constraint::None;
+    spoilt.spoil = |epoch, second| {
+        each(epoch, 1, |(_, o)| {
+            if second >= 1 && o.satellite.system == System::Gps && o.satellite.number % 8 == 2 {
+                let wavelength_m = o.signal.band.wavelength_m(None).unwrap();
+                add(&mut o.phase_cycles, 0.04 / wavelength_m);
+            }
+        });
+    };
+    sessions.push(spoilt);
+
     let mut hopeless = Session::new("a search without an end", &RECTANGLE_M);
     hopeless.settings.constraint = Constraint::None;
     hopeless.world.signals.truncate(1);
@@ -243,18 +256,22 @@ fn sessions_give_the_rows_that_they_gave() {
     }
 }
 
-/// A weak epoch whose attitude is predicted: rightly, and by twenty degrees wrong.
+/// Weak epochs whose attitude is predicted: rightly, wrongly, with a memory of earlier epochs, with one band.
 #[test]
 fn predicted_epochs_give_the_rows_that_they_gave() {
     let instantaneous = Ambiguities::Instantaneous;
-    for (name, off_deg, ambiguities) in [
-        ("a prediction", 0.0, instantaneous),
-        ("a wrong prediction", 20.0, instantaneous),
-        ("a prediction beside a memory", 0.3, CONTINUOUS),
+    for (name, off_deg, ambiguities, signals, code_sd_m) in [
+        ("a prediction", 0.0, instantaneous, 2, 0.2),
+        ("a wrong prediction", 20.0, instantaneous, 2, 0.2),
+        ("a prediction beside a memory", 0.3, CONTINUOUS, 2, 0.2),
+        ("a prediction that decides", 0.3, instantaneous, 1, 0.8),
+        ("a prediction in vain", -12.0, instantaneous, 1, 0.8),
     ] {
-        let mut session = Session::new(name, &ONE_METRE);
+        let mut session = Session::new(name, &OFF_ITS_ORIGIN[..2]);
         session.settings.ambiguities = ambiguities;
-        session.world.mask_rad = 38f64.to_radians();
+        session.world.mask_rad = if signals > 1 { 38f64 } else { 12f64 }.to_radians();
+        session.world.signals.truncate(signals);
+        session.world.code_sd_m = code_sd_m;
         let mut engine = engine(session.settings, &session.world);
         let rows = (0..6u32).map(|second| {
             let mut attitude = session.body.attitude;
