@@ -1,6 +1,9 @@
 //! `kurs live` on simulated logs: its rows are those of `kurs solve`, whatever way the bytes take.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
+#[path = "../../../tests/outside.rs"]
+mod outside;
+
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -1328,7 +1331,7 @@ fn a_full_disk_costs_rows_of_the_files_and_nothing_else() {
     let rows = statuses(&service.out).len();
     match Command::new("prlimit").args(["--pid", &id, "--fsize=unlimited"]).status() {
         Ok(status) => assert!(status.success()),
-        Err(error) => return println!("skipped: prlimit: {error}"),
+        Err(error) => return outside::lacking(&format!("prlimit: {error}")),
     }
     wait_for("rows in the file", || (statuses(&service.out).len() > rows + 10).then_some(()));
     messages.check(40.0);
@@ -2011,7 +2014,7 @@ impl Partner {
         match command.spawn() {
             Ok(child) => Some(Self(child)),
             Err(error) => {
-                println!("skipped: {program}: {error}");
+                outside::lacking(&format!("{program}: {error}"));
                 None
             }
         }
@@ -2068,7 +2071,7 @@ fn a_broker_passes_attitudes_on() {
                 assert!((row["heading_deg"].as_f64().unwrap() - 40.0).abs() < 2.0, "{line}");
             }
         }
-        Err(error) => println!("skipped: mosquitto_sub: {error}"),
+        Err(error) => outside::lacking(&format!("mosquitto_sub: {error}")),
     }
 
     drop(broker);
@@ -2212,7 +2215,7 @@ fn a_caster_over_tls_must_show_a_certificate_that_is_trusted() {
         .args(["-addext", "basicConstraints=critical,CA:FALSE"])
         .args(["-keyout", &path("key.pem"), "-out", &path("cert.pem")])
         .output();
-    let Ok(made) = make else { return println!("skipped: no openssl") };
+    let Ok(made) = make else { return outside::lacking("no openssl") };
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
     let run = |trusted: &str, out: &str| {
         let port = free_port();
