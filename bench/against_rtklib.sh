@@ -7,10 +7,11 @@
 # KURS_DATA: folder of the recordings (default ../shared/data). KURS: program (default release build).
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source tests/lacking.sh
 runs=${1:-5}
 data=${KURS_DATA:-../shared/data}
 kurs=${KURS:-target/release/kurs}
-command -v rnx2rtkp >/dev/null || { echo "skipped: no rnx2rtkp (apt-get install rtklib)"; exit 0; }
+command -v rnx2rtkp >/dev/null || { lacking "no rnx2rtkp (apt-get install rtklib)"; exit 0; }
 [ -d "$data" ] || { echo "skipped: no recordings in $data"; exit 0; }
 work=$(mktemp -d); trap 'rm -rf "$work"' EXIT
 

@@ -11,11 +11,11 @@
 # skipped, with KURS_REQUIRE_TOOLS=1 it fails.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source tests/lacking.sh
 kurs=${KURS:-target/release/kurs}
 records=bench/instructions.txt
 if ! command -v valgrind >/dev/null; then
-    echo "skipped: no valgrind (apt-get install valgrind)"
-    [ "${KURS_REQUIRE_TOOLS:-0}" != 1 ]
+    lacking "no valgrind (apt-get install valgrind)"
     exit
 fi
 if ! grep -qw avx2 /proc/cpuinfo || ! grep -qw fma /proc/cpuinfo; then

@@ -4,7 +4,9 @@
     bench/live.py guaranteed [--seconds 600] [--hz 20] [--slack 1]     four antennas, 30 satellites, two bands
     bench/live.py soak [--seconds 3600] [--hz 20] [--speed 1]          a cut, a reconnect, a day and week end
     bench/live.py rtkrcv [--seconds 3600] [--hz 5]                     both programs on the same streams
+    bench/live.py page [--seconds 60] [--hz 20]                        what a page costs the service
     bench/live.py bodies [--seconds 60] [--hz 5]                       eight services that see each other
+    bench/live.py two-bodies                                           the scenario of this name, beside its truth
 
 Needs `cargo build --release` (or KURS=path of the program) and, for the last, rtkrcv (Debian: rtklib). Prints a table, and
 ends with status 1 where a bound is missed; `--slack N` allows N times the bounds of time.
@@ -25,6 +27,8 @@ import tempfile
 import threading
 import time
 import urllib.request
+
+from relative_rows import attitudes, view
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 KURS = os.environ.get("KURS", str(ROOT / "target/release/kurs"))
@@ -146,10 +150,11 @@ class Process:
 class Bench:
     """Simulated receivers and the service that listens to them."""
 
-    def __init__(self, folder, args, antennas, start):
+    def __init__(self, folder, args, antennas, start, has_page=True):
         self.folder, self.args = folder, args
         self.ports = free_ports(antennas + 2)
-        self.page, self.output = self.ports + antennas, self.ports + antennas + 1
+        self.page = self.ports + antennas if has_page else None
+        self.output = self.ports + antennas + 1
         self.scenario = folder / "scenario.toml"
         self.scenario.write_text(scenario(args, antennas, start))
 
@@ -179,7 +184,7 @@ class Bench:
         self.wall_s = time.monotonic() - self.began
         self.used_s = self.service.processor_s()
         time.sleep(0.5)
-        found = self.metrics()
+        found = self.metrics() if self.page else {}
         self.service.end()
         return found
 
@@ -208,7 +213,8 @@ motion = {{ kind = "static", place = {{ latitude_deg = 52.0, longitude_deg = 13.
 
 
 def live_toml(streams, page, output, folder):
-    text = f'[live]\npage = "127.0.0.1:{page}"\nstate_dir = "{folder}/state"\n'
+    text = f'[live]\nstate_dir = "{folder}/state"\n'
+    text += f'page = "127.0.0.1:{page}"\n' if page else ""
     text += f'[log]\ndir = "{folder}/raw"\n'
     text += f'[[output]]\nto = "tcp-listen://127.0.0.1:{output}"\nprofile = "jsonl"\n'
     for number, port in enumerate(streams):
@@ -268,6 +274,28 @@ def guaranteed(args, folder, faults):
     bench.begin(range(bench.ports, bench.ports + 4))
     rows = judge(bench, bench.watch(), args.slack, faults, lost_epochs=0)
     check("wrong fixes", wrong(rows), 0, faults)
+
+
+def page(args, folder, faults):
+    """Without a page, with one that nobody looks at, and with one that is open: for it the engine reports residuals."""
+    print(f"{args.seconds} s at {args.hz} Hz, nice {args.nice}\n\n| page | processor, % of one core |\n|---|---|")
+    for name in ("none", "nobody looks", "open"):
+        (folder / name).mkdir()
+        bench = Bench(folder / name, args, 4, "2024-03-10T12:00:00", has_page=name != "none")
+        bench.begin(range(bench.ports, bench.ports + 4))
+        if name == "open":
+            threading.Thread(target=look_at, args=(bench.page,), daemon=True).start()
+        bench.watch()
+        print(f"| {name} | {100 * bench.used_s / bench.wall_s:.1f} |")
+    print(f"\nload average at the end {os.getloadavg()[0]:.1f}")
+
+
+def look_at(port):
+    """Reads what a page gets, as long as the service lives."""
+    with connected(port) as stream:
+        stream.sendall(b"GET /feed HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        while stream.recv(65536):
+            pass
 
 
 def soak(args, folder, faults):
@@ -444,6 +472,70 @@ def bodies(args, folder, faults):
     check("resident memory of the largest, kB", max(s.halves(1)[1] for s in services), MEMORY_KB, faults)
 
 
+def two_bodies(args, folder, faults):
+    """The ready scenario of a tractor and its implement: on one band, and on its own ones."""
+    text = (ROOT / "scenarios/two-bodies.toml").read_text()
+    cases = [("G1C, E1C", 'signals = ["G1C", "E1C"]\n' + text), ("its own", text)]
+    print("| bands | seen from | attitudes | fixed rows | NEES of an angle, band | worst heading, sd |\n|---|---|---|---|---|---|")
+    for number, (bands, text) in enumerate(cases):
+        scenario = folder / f"{number}" / "scenario.toml"
+        scenario.parent.mkdir(parents=True, exist_ok=True)
+        scenario.write_text(text)
+        views = see_each_other(args, scenario)
+        for body, view in views.items():
+            rows = sum(view.statuses.values())
+            for what, score in (("of one time", view.of_one_time), ("brought to one time", view.by_rates)):
+                print(
+                    f"| {bands} | {body} | {what} | {score.rows} of {rows} "
+                    f"| {score.nees:.2f}, 1 ± {score.band:.2f} | {score.worst_heading_sd:.1f} |"
+                )
+                # More is allowed for the rates, and for several bands, than the simulation has in it.
+                is_exact = number == 0 and what == "of one time"
+                if not (1 - score.band if is_exact else 0) <= score.nees <= 1 + score.band:
+                    faults.append(f"NEES of {bands}, {body}, {what}")
+
+
+def see_each_other(args, scenario):
+    """Both bodies of a scenario as services; the second one is killed after a third of the time, and comes back."""
+    folder = scenario.parent
+    subprocess.run([KURS, "simulate", scenario, "--out", folder, "--quiet"], check=True)
+    names = {"tractor": "kurs.toml", "implement": "kurs-implement.toml"}
+    antennas = {"T0": 0, "T1": 1, "T2": 2, "I0": 3, "I1": 4, "S0": 5}
+    ports, rows = free_ports(len(antennas)), free_ports(len(names))
+    configurations = {}
+    for number, (body, file) in enumerate(names.items()):
+        text = (folder / file).read_text()
+        for antenna, port in antennas.items():
+            text = text.replace(f'obs = ["{antenna}.rnx"]', f'stream = "tcp://127.0.0.1:{ports + port}"')
+        peer = next(name for name in names if name != body)
+        text += f'[live]\nbody = "{body}"\n[[output]]\nto = "tcp-listen://:{rows + number}"\nprofile = "jsonl"\n'
+        text += f'[[peer]]\nname = "{peer}"\nfrom = "tcp://127.0.0.1:{rows + 1 - number}"\n'
+        configurations[body] = folder / f"live-{body}.toml"
+        configurations[body].write_text(text)
+
+    def begin(body):
+        return Process([KURS, "live", configurations[body], "--out", folder / body, "--quiet"], args.nice)
+
+    command = [KURS, "simulate", scenario, "--stream", ports, "--speed", args.speed, "--quiet"]
+    simulator = Process(command, args.nice)
+    time.sleep(1)
+    services = {body: begin(body) for body in names}
+    # A third of the two minutes of the scenario.
+    time.sleep(40 / args.speed)
+    services["implement"].child.kill()
+    services["implement"].child.wait()
+    time.sleep(5 / args.speed)
+    services["implement"] = begin("implement")
+    simulator.child.wait()
+    for service in services.values():
+        service.end()
+    truth = {body: attitudes(folder / file) for body, file in zip(names, ("truth.csv", "truth-implement.csv"))}
+    return {
+        body: view(sorted((folder / body).glob("*/relative.csv")), truth[body], truth[other])
+        for body, other in zip(names, reversed(names))
+    }
+
+
 def back_s(fixes, since):
     """How long after an instant the next fix came."""
     return next((at - since for at in fixes if at >= since), float("inf"))
@@ -461,7 +553,7 @@ def rtklib_fixes(lines):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["guaranteed", "soak", "rtkrcv", "bodies"])
+    parser.add_argument("what", choices=["guaranteed", "soak", "page", "rtkrcv", "bodies", "two-bodies"])
     parser.add_argument("--seconds", type=int)
     parser.add_argument("--hz", type=int)
     parser.add_argument("--speed", type=float, default=1.0)
@@ -472,8 +564,10 @@ def main():
     usual = {
         "guaranteed": (guaranteed, 600, 20),
         "soak": (soak, 3600, 20),
+        "page": (page, 60, 20),
         "rtkrcv": (rtkrcv, 3600, 5),
         "bodies": (bodies, 60, 5),
+        "two-bodies": (two_bodies, 120, 5),
     }
     run, seconds, hz = usual[args.what]
     args.seconds, args.hz = args.seconds or seconds, args.hz or hz

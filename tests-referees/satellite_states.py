@@ -15,10 +15,12 @@ import math
 import sys
 import tempfile
 
+from lacking import lacking
+
 try:
     import pyrtklib as rtk
 except ImportError:
-    print("skipped: no pyrtklib")
+    lacking("no pyrtklib")
     sys.exit(0)
 
 POSITION_LIMIT_M = 0.01

@@ -2,7 +2,7 @@
 //!
 //! A test that lacks them passes and says so on standard error, past the runner's capture of its output:
 //! it must not look like one that has tested something. `KURS_REQUIRE_DATA=1` makes absent recordings and
-//! vectors a failure.
+//! vectors a failure, `KURS_REQUIRE_TOOLS=1` absent programs.
 #![allow(dead_code)] // each test program uses a part
 
 use std::io::Write as _;
@@ -24,14 +24,18 @@ fn below(variable: &str, default: &str, what: &str, name: &str) -> Option<PathBu
     if path.exists() {
         return Some(path);
     }
-    let why = format!("no {what} (no {})", path.display());
-    assert!(std::env::var_os("KURS_REQUIRE_DATA").is_none_or(|v| v != "1"), "{why}");
-    skipped(&why);
+    skipped("KURS_REQUIRE_DATA", &format!("no {what} (no {})", path.display()));
     None
 }
 
-/// Says that the running test tests nothing, and why.
-pub(crate) fn skipped(why: &str) {
+/// A program or package of others is lacking.
+pub(crate) fn lacking(why: &str) {
+    skipped("KURS_REQUIRE_TOOLS", why);
+}
+
+/// Says that the running test tests nothing, and why; fails if the variable forbids that.
+fn skipped(variable: &str, why: &str) {
+    assert!(std::env::var_os(variable).is_none_or(|value| value != "1"), "{why}");
     let thread = std::thread::current();
     let test = thread.name().unwrap_or("a test");
     // The runner captures what the print macros write, not what is written to the stream itself.

@@ -4,6 +4,9 @@
 //! cd tests-referees && cargo test --test simulated -- --nocapture
 //! ```
 
+#[path = "../../tests/outside.rs"]
+mod outside;
+
 use std::fs::{self, File};
 use std::path::Path;
 
@@ -96,7 +99,10 @@ fn simulated_files_are_read_alike_by_everyone() {
         let compactly = OF_COMPACT.map(|referee| (referee, &compact));
         for ((referee, read), path) in plainly.into_iter().chain(compactly) {
             let result = match read(path).map(|theirs| ours.difference(&theirs)) {
-                Err(error) => format!("skipped: {error}"),
+                Err(error) => {
+                    outside::lacking(&format!("{referee}: {error}"));
+                    "skipped".to_owned()
+                }
                 Ok(None) => "equal".to_owned(),
                 Ok(Some(difference)) => {
                     failures.push(format!("{name}, {referee}: {difference}"));

@@ -794,17 +794,18 @@ def read_by_websockets(clients):
 
 
 def read_by_rosbags(path):
-    """CDR beside JSON of the same messages."""
+    """CDR beside JSON of the same messages, and the hashes of their types."""
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         return skipped("rosbags")
     check = Faults("rosbags (CDR)")
-    store = get_typestore(Stores.ROS2_HUMBLE)
+    store, newest = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS2_JAZZY)
     row = {"tow_s": 0.0, "status": "example"}
     kinds = []
     for line in pathlib.Path(path).read_text().splitlines():
-        kind, cdr, text = line.split("\t")
+        kind, type_hash, cdr, text = line.split("\t")
+        check.equal("hash of the type", row, type_hash, newest.hash_rihs01(kind))
         kinds.append(kind.split("/")[-1])
         compare(check, row, kind, store.deserialize_cdr(bytes.fromhex(cdr), kind), json.loads(text)["msg"])
     check.equal("kinds", row, ",".join(kinds), ",".join(["Imu,QuaternionStamped,NavSatFix"] * 4 + ["Imu,NavSatFix"]))

@@ -1,4 +1,4 @@
-//! The messages of ROS 2 of some rows, a line each: type, bytes of CDR, line for rosbridge.
+//! The messages of ROS 2 of some rows, a line each: type, its hash, bytes of CDR, line for rosbridge.
 //! `tests/profiles/check.py` reads both forms and compares them.
 #![allow(clippy::print_stdout)] // an example
 
@@ -25,7 +25,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             for byte in message.cdr() {
                 write!(bytes, "{byte:02x}")?;
             }
-            print!("{}\t{bytes}\t{}", message.kind, message.rosbridge());
+            let (kind, hash) = (message.topic.kind, message.topic.type_hash);
+            print!("{kind}\t{hash}\t{bytes}\t{}", message.rosbridge());
         }
     }
     Ok(())

@@ -12,8 +12,11 @@ use kurs::solution::{AttitudeEstimate, EpochSolution, PositionOrigin, Status};
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
 
+pub mod bus;
+
 use crate::json;
 use crate::unix_time;
+use bus::{TOPICS, Topic};
 
 /// Of an angle that the antennas do not see, rad²: all of a turn is as likely.
 const UNSEEN_RAD2: f64 = PI * PI / 3.0;
@@ -25,10 +28,8 @@ const FRAME: &str = "base_link";
 /// A message and where it goes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Message {
-    /// Such as `/kurs/imu`.
-    pub topic: &'static str,
-    /// Such as `sensor_msgs/msg/Imu`.
-    pub kind: &'static str,
+    /// Where it goes.
+    pub topic: Topic,
     fields: Value,
 }
 
@@ -44,10 +45,22 @@ enum Value {
     Text(&'static str),
 }
 
-/// Topics and their types.
-const IMU: (&str, &str) = ("/kurs/imu", "sensor_msgs/msg/Imu");
-const HEADING: (&str, &str) = ("/kurs/heading", "geometry_msgs/msg/QuaternionStamped");
-const FIX: (&str, &str) = ("/kurs/fix", "sensor_msgs/msg/NavSatFix");
+/// Topics and their types; `tests/profiles/check.py` lays the hashes beside those of rosbags.
+const IMU: Topic = Topic {
+    name: "/kurs/imu",
+    kind: "sensor_msgs/msg/Imu",
+    type_hash: "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
+};
+const HEADING: Topic = Topic {
+    name: "/kurs/heading",
+    kind: "geometry_msgs/msg/QuaternionStamped",
+    type_hash: "RIHS01_381add86c6c3160644d228ca342182c7fd6c7fab11c7a85ad817a9cc22dbac6e",
+};
+const FIX: Topic = Topic {
+    name: "/kurs/fix",
+    kind: "sensor_msgs/msg/NavSatFix",
+    type_hash: "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404",
+};
 
 /// The messages of a row: Imu and NavSatFix always, the heading alone as a quaternion where there is one.
 /// With `float`, angles of float rows too.
@@ -61,24 +74,24 @@ pub fn messages(row: &EpochSolution, float: bool) -> Vec<Message> {
         heading.map(|h| (HEADING, h)),
         Some((FIX, fix(row))),
     ];
-    let message = |((topic, kind), fields)| Message { topic, kind, fields };
+    let message = |(topic, fields)| Message { topic, fields };
     all.into_iter().flatten().map(message).collect()
 }
 
 /// What rosbridge has to hear before the first message: which topics there are.
 #[must_use]
 pub fn advertisement() -> Vec<u8> {
-    let line = |(topic, kind): (&str, &str)| {
-        format!("{{\"op\":\"advertise\",\"topic\":\"{topic}\",\"type\":\"{kind}\"}}\n")
+    let line = |Topic { name, kind, .. }| {
+        format!("{{\"op\":\"advertise\",\"topic\":\"{name}\",\"type\":\"{kind}\"}}\n")
     };
-    [IMU, HEADING, FIX].map(line).concat().into_bytes()
+    TOPICS.map(line).concat().into_bytes()
 }
 
 impl Message {
     /// A line for rosbridge.
     #[must_use]
     pub fn rosbridge(&self) -> String {
-        let mut text = format!("{{\"op\":\"publish\",\"topic\":\"{}\",\"msg\":", self.topic);
+        let mut text = format!("{{\"op\":\"publish\",\"topic\":\"{}\",\"msg\":", self.topic.name);
         self.fields.write_json(&mut text);
         text.push_str("}\n");
         text

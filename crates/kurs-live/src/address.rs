@@ -1,6 +1,6 @@
 //! Where bytes come from and go to: `serial:///dev/ttyACM0?baud=460800`, `tcp://HOST:PORT`,
 //! `tcp-listen://[HOST]:PORT`, `udp://[HOST]:PORT`, `ntrip[s]://[USER[:PASSWORD]@]HOST[:PORT]/MOUNT`,
-//! `mqtt://[USER[:PASSWORD]@]HOST[:PORT]/TOPIC`, `file://LOG[?speed=1]`.
+//! `mqtt://[USER[:PASSWORD]@]HOST[:PORT]/TOPIC`, `zenoh://HOST[:PORT]/KEY`, `file://LOG[?speed=1]`.
 
 use core::fmt;
 use core::str::FromStr;
@@ -12,6 +12,8 @@ const NTRIP_PORT: u16 = 2101;
 const NTRIPS_PORT: u16 = 443;
 /// Port of MQTT brokers where none is given.
 const MQTT_PORT: u16 = 1883;
+/// Port of Zenoh routers where none is given.
+const ZENOH_PORT: u16 = 7447;
 /// Baud rate of serial ports where none is given: what receivers come with most often.
 const BAUD: u32 = 115_200;
 
@@ -44,6 +46,8 @@ pub enum Address {
     Ntrip(Ntrip),
     /// A topic of a broker.
     Mqtt(Mqtt),
+    /// A key of a Zenoh network.
+    Zenoh(Zenoh),
     /// A recorded log.
     File {
         /// The log.
@@ -71,6 +75,17 @@ pub struct Mqtt {
     pub place: Place,
     /// The topic.
     pub topic: String,
+}
+
+/// A key of a Zenoh network.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Zenoh {
+    /// Name or number of the computer of the router, or of a peer that listens.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// The key.
+    pub key: String,
 }
 
 /// A server with what it is told of the one who asks.
@@ -123,6 +138,13 @@ impl fmt::Display for Mqtt {
     }
 }
 
+impl fmt::Display for Zenoh {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { host, port, key } = self;
+        write!(f, "zenoh://{host}:{port}/{key}")
+    }
+}
+
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -132,6 +154,7 @@ impl fmt::Display for Address {
             Self::Udp { at } => write!(f, "udp://{at}"),
             Self::Ntrip(ntrip) => write!(f, "{ntrip}"),
             Self::Mqtt(mqtt) => write!(f, "{mqtt}"),
+            Self::Zenoh(zenoh) => write!(f, "{zenoh}"),
             Self::File { path, .. } => write!(f, "file://{}", path.display()),
         }
     }
@@ -161,7 +184,7 @@ impl Address {
     /// Whether it is a bus, whose messages are lines.
     #[must_use]
     pub const fn is_bus(&self) -> bool {
-        matches!(self, Self::Mqtt(_))
+        matches!(self, Self::Mqtt(_) | Self::Zenoh(_))
     }
 
     /// Bits a second of the line; of what is no line, those of receivers.
@@ -184,8 +207,8 @@ impl Address {
 }
 
 fn parse(text: &str) -> Result<Address, String> {
-    const SCHEMES: &str = "expected serial://, tcp://, tcp-listen://, udp://, ntrip://, ntrips://, mqtt:// \
-        or file://";
+    const SCHEMES: &str = "expected serial://, tcp://, tcp-listen://, udp://, ntrip://, ntrips://, mqtt://, \
+        zenoh:// or file://";
     let (scheme, rest) = text.split_once("://").ok_or(SCHEMES)?;
     match scheme {
         "serial" => {
@@ -197,7 +220,8 @@ fn parse(text: &str) -> Result<Address, String> {
         "udp" => Ok(Address::Udp { at: host_and_port(rest, Some("127.0.0.1"))? }),
         "ntrip" | "ntrips" => ntrip(rest, scheme == "ntrips").map(Address::Ntrip),
         "mqtt" if cfg!(feature = "mqtt") => mqtt(rest).map(Address::Mqtt),
-        "mqtt" => Err(format!("this program was built without the feature `{scheme}`")),
+        "zenoh" if cfg!(feature = "zenoh") => zenoh(rest).map(Address::Zenoh),
+        "mqtt" | "zenoh" => Err(format!("this program was built without the feature `{scheme}`")),
         "file" => {
             let (path, speed) = with_option(rest, "speed", 1.0)?;
             if !(0.0..=1e6).contains(&speed) {
@@ -250,6 +274,17 @@ fn mqtt(text: &str) -> Result<Mqtt, String> {
         return Err("a topic has neither `+` nor `#`".into());
     }
     Ok(Mqtt { place, topic })
+}
+
+fn zenoh(text: &str) -> Result<Zenoh, String> {
+    let (Place { host, port, user }, key) = place_and_name(text, ZENOH_PORT, "KEY")?;
+    if user.is_some() {
+        return Err("Zenoh is used without names and passwords, expected HOST[:PORT]/KEY".into());
+    }
+    if key.contains(['*', '$', '?', '#']) || key.split('/').any(str::is_empty) {
+        return Err("a key has neither `*`, `$`, `?`, `#` nor an empty part".into());
+    }
+    Ok(Zenoh { host, port, key })
 }
 
 /// Reads `[USER[:PASSWORD]@]HOST[:PORT]/NAME`, in which `what` stands for the name.
@@ -371,10 +406,33 @@ mod tests {
     }
 
     #[test]
-    #[cfg(not(feature = "mqtt"))]
+    #[cfg(feature = "zenoh")]
+    fn keys_are_read() {
+        let Address::Zenoh(key) = read("zenoh://router:7448/kurs/ferry") else { panic!("a key") };
+        assert_eq!((key.host.as_str(), key.port, key.key.as_str()), ("router", 7448, "kurs/ferry"));
+        assert_eq!(read("zenoh://router/ferry").to_string(), "zenoh://router:7447/ferry");
+        for (text, part) in [
+            ("zenoh://h", "KEY"),
+            ("zenoh://h/a/**", "neither"),
+            ("zenoh://h/a//b", "empty part"),
+            ("zenoh://me:pw@h/a", "without names"),
+        ] {
+            let error = text.parse::<Address>().unwrap_err().to_string();
+            assert!(error.contains(part) && !error.contains("pw"), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    #[cfg(not(all(feature = "mqtt", feature = "zenoh")))]
     fn a_bus_that_is_not_built_in_is_named() {
-        let error = "mqtt://h/t".parse::<Address>().unwrap_err().to_string();
-        assert!(error.contains("without the feature `mqtt`"), "{error}");
+        for (scheme, is_built_in) in
+            [("mqtt", cfg!(feature = "mqtt")), ("zenoh", cfg!(feature = "zenoh"))]
+        {
+            if !is_built_in {
+                let error = format!("{scheme}://h/t").parse::<Address>().unwrap_err().to_string();
+                assert!(error.contains(&format!("without the feature `{scheme}`")), "{error}");
+            }
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{Instant, sleep_until, timeout};
 
-#[cfg(feature = "mqtt")]
+#[cfg(any(feature = "mqtt", feature = "zenoh"))]
 use crate::bus::Subscription;
 use crate::ntrip::NtripStream;
 
@@ -24,7 +24,7 @@ pub(crate) enum Connection {
     Serial(SerialPort),
     Udp(UdpSocket),
     Ntrip(Box<NtripStream>),
-    #[cfg(feature = "mqtt")]
+    #[cfg(any(feature = "mqtt", feature = "zenoh"))]
     Bus(Subscription),
     File(tokio::fs::File),
     Marked(Box<MarkedFile>),
@@ -83,7 +83,7 @@ impl Connection {
                 }
             },
             Self::Ntrip(stream) => stream.read(buffer).await,
-            #[cfg(feature = "mqtt")]
+            #[cfg(any(feature = "mqtt", feature = "zenoh"))]
             Self::Bus(subscription) => subscription.read(buffer).await,
             Self::File(file) => {
                 let piece = buffer.len().min(PIECE);

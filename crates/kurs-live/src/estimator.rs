@@ -20,8 +20,8 @@ use crate::imu::Carrier;
 use crate::input::{Event, STATION};
 use crate::output::{Message, Sink};
 use crate::page::Hub;
-use crate::peer::{Peers, RelativeRow};
-use crate::service::{Finish, Gga, Times};
+use crate::peer::Peers;
+use crate::service::{Finish, ForFiles, Gga, Times};
 use crate::state::StateFiles;
 use crate::status::{Status, StreamStatus};
 
@@ -54,7 +54,7 @@ pub(crate) struct Estimator {
     pub(crate) status: Arc<Status>,
     pub(crate) sinks: Vec<Sink>,
     pub(crate) page: Option<Arc<Hub>>,
-    pub(crate) rows: SyncSender<(EpochSolution, Vec<RelativeRow>)>,
+    pub(crate) rows: SyncSender<ForFiles>,
     pub(crate) gga: (watch::Sender<Option<String>>, Gga),
     pub(crate) known_time: watch::Sender<Option<GpsTime>>,
     pub(crate) state: Option<StateFiles>,
@@ -95,6 +95,9 @@ impl Estimator {
             let carrier_due =
                 self.carrier.as_ref().and_then(|carrier| carrier.due(!self.complete.is_empty()));
             let wait = carrier_due
+                .map_or(wait, |due| wait.min(due.saturating_duration_since(Instant::now())));
+            let peers_due = self.peers.as_ref().and_then(Peers::due);
+            let wait = peers_due
                 .map_or(wait, |due| wait.min(due.saturating_duration_since(Instant::now())));
             match events.recv_timeout(wait) {
                 Ok(Event::Epoch { antenna: STATION, decoded }) => self.take_station(*decoded),
@@ -137,6 +140,7 @@ impl Estimator {
                 self.carrier.iter_mut().for_each(Carrier::advance);
             }
             self.send_carried();
+            self.send_relative(Instant::now());
             self.return_permits();
             self.state.iter_mut().for_each(|state| state.save(&self.navigation));
         }
@@ -148,6 +152,9 @@ impl Estimator {
         }
         self.carrier.iter_mut().for_each(Carrier::finish);
         self.send_carried();
+        while let Some(due) = self.peers.as_ref().and_then(Peers::due) {
+            self.send_relative(due);
+        }
         if let Some(state) = self.state {
             state.finish(self.navigation);
         }
@@ -279,17 +286,28 @@ impl Estimator {
         if let Some(page) = &self.page {
             page.note(&row, &rates, &times);
         }
-        let relative = self.peers.as_mut().map(|peers| peers.rows(&row, &rates, expires));
-        let relative = relative.unwrap_or_default();
-        self.status.note_relative(relative.clone());
+        if let Some(peers) = &mut self.peers {
+            peers.push_own(&row, &rates, expires);
+        }
         if let Some(state) = &mut self.state {
             state.note(&row);
         }
-        let row = (row, relative);
-        // A run over files waits for the disk; a live one goes on.
+        self.write(ForFiles::Row(Box::new(row)));
+    }
+
+    /// The other bodies at rows that need not wait for them any longer.
+    fn send_relative(&mut self, now: Instant) {
+        while let Some(rows) = self.peers.as_mut().and_then(|peers| peers.next_rows(now)) {
+            self.status.note_relative(rows.clone());
+            self.write(ForFiles::Relative(rows));
+        }
+    }
+
+    /// A run over files waits for the disk; a live one goes on.
+    fn write(&self, rows: ForFiles) {
         let unwritten = match self.once {
-            true => self.rows.send(row).is_err(),
-            false => matches!(self.rows.try_send(row), Err(TrySendError::Full(_))),
+            true => self.rows.send(rows).is_err(),
+            false => matches!(self.rows.try_send(rows), Err(TrySendError::Full(_))),
         };
         self.status.unwritten.fetch_add(u64::from(unwritten), Relaxed);
     }

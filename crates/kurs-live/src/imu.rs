@@ -34,7 +34,7 @@ const LATER_THAN_USUAL: f64 = 1.5;
 /// How much the largest latency counts after every epoch.
 const REMEMBERED: f64 = 0.99;
 /// The deadline of antennas is half an interval, at most this, s.
-const MAX_USUAL_DEADLINE_S: f64 = 0.1;
+pub(crate) const MAX_USUAL_DEADLINE_S: f64 = 0.1;
 /// An epoch so far before the last one is no late one: the antennas' time was set back, s.
 const SET_BACK_S: f64 = 1.0;
 /// A sample this much after the one before, s, is doubted until another one follows it.

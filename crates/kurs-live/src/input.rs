@@ -290,6 +290,12 @@ impl Running {
             }
             #[cfg(not(feature = "mqtt"))]
             Address::Mqtt(_) => Err(End::Final("the feature `mqtt` is not built in".into())),
+            #[cfg(feature = "zenoh")]
+            Address::Zenoh(key) => {
+                crate::zenoh::subscribe(key).await.map(Connection::Bus).map_err(broken)
+            }
+            #[cfg(not(feature = "zenoh"))]
+            Address::Zenoh(_) => Err(End::Final("the feature `zenoh` is not built in".into())),
             Address::TcpListen { at } => Err(End::Final(format!("{at} is listened at"))),
         }
     }

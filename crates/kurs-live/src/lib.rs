@@ -22,7 +22,7 @@ mod access;
 mod address;
 mod back_off;
 mod band_level;
-#[cfg(feature = "mqtt")]
+#[cfg(any(feature = "mqtt", feature = "zenoh"))]
 mod bus;
 mod connection;
 mod decoder;
@@ -44,8 +44,10 @@ mod service;
 mod state;
 mod status;
 mod systemd;
+#[cfg(feature = "zenoh")]
+mod zenoh;
 
-pub use address::{Address, BadAddress, Mqtt, Ntrip, Place};
+pub use address::{Address, BadAddress, Mqtt, Ntrip, Place, Zenoh};
 pub use imu::{Imu, ReadSamples, SampleLines};
 pub use input::{Input, STATION};
 pub use lines::Lines;
@@ -53,7 +55,7 @@ pub use ntrip::body_of_answer;
 pub use output::{Encode, Output, Partner};
 pub use page::Page;
 pub use peer::{EncodeRelative, PeerSetup, RelativeRow, body_state};
-pub use profile::Profile;
+pub use profile::{Profile, on_the_bus_of_ros};
 pub use record::gps_time;
 pub use relative::{BodyState, Relative, RelativeSettings, relative};
 pub use service::{

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
 use kurs::turn_rate::AngleRates;
+use kurs_formats::ros;
 use kurs_formats::ubx::Conversation;
 use serial2_tokio::SerialPort;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -42,6 +43,8 @@ pub struct Partner {
     pub greeting: Vec<u8>,
     /// Answers to what it says; what it says is not read otherwise.
     pub conversation: Option<Conversation>,
+    /// On the bus of ROS 2: who publishes.
+    pub publisher: Option<ros::bus::Publisher>,
 }
 
 /// An output as configured.
@@ -53,7 +56,7 @@ pub struct Output {
     pub rate_hz: Option<f64>,
     /// What goes there.
     pub encode: Encode,
-    /// Who is there: of connections and serial ports. Datagrams have no answers.
+    /// Who is there: of connections, serial ports and the bus of ROS 2. Datagrams have no answers.
     pub partner: Partner,
 }
 
@@ -129,6 +132,12 @@ pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
             Address::Mqtt(topic) => crate::mqtt::publish(&topic, receiver, status).await,
             #[cfg(not(feature = "mqtt"))]
             Address::Mqtt(_) => {}
+            #[cfg(feature = "zenoh")]
+            Address::Zenoh(key) => {
+                crate::zenoh::publish(&key, partner.publisher, receiver, status).await;
+            }
+            #[cfg(not(feature = "zenoh"))]
+            Address::Zenoh(_) => {}
             Address::Ntrip(_) | Address::File { .. } => {}
         }
     });
@@ -195,7 +204,7 @@ enum Ended {
 async fn talk(
     stream: impl AsyncRead + AsyncWrite,
     mut receiver: broadcast::Receiver<Message>,
-    Partner { greeting, mut conversation }: Partner,
+    Partner { greeting, mut conversation, .. }: Partner,
     status: &Status,
 ) -> Ended {
     let (mut reading, mut writing) = tokio::io::split(stream);

@@ -1,4 +1,7 @@
 //! Other bodies: their JSON lines in, what each of them is as seen from this one out.
+//!
+//! A row of this body waits for those of the others of the same time, as far as they are due and for half an interval at
+//! most: attitudes of one time are laid against each other as they are, others have to be carried by rates of turn.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -10,6 +13,7 @@ use kurs::turn_rate::{AngleRates, Rate};
 use nalgebra::Matrix3;
 use serde::Deserialize;
 
+use crate::imu::MAX_USUAL_DEADLINE_S;
 use crate::output::{Message, Sink};
 use crate::relative::{BodyState, Relative, RelativeSettings, relative};
 
@@ -22,6 +26,9 @@ const MAX_SPEED_MPS: f64 = 10_000.0;
 const MAX_WEEK: i32 = 10_000;
 /// Two times of one epoch differ by less, s.
 const ONE_EPOCH_S: f64 = 1e-6;
+/// Rows of two bodies belong together if their times differ by less than this share of an interval: clocks of receivers are
+/// off by milliseconds.
+const TOGETHER: f64 = 0.25;
 
 /// The bodies to be seen from this one.
 pub struct PeerSetup {
@@ -186,6 +193,21 @@ struct Peer {
     kept: VecDeque<BodyState>,
     /// What came last, and when.
     newest: Option<(GpsTime, String, Instant)>,
+    /// Between its last two rows, s.
+    interval_s: Option<f64>,
+}
+
+/// A row of this body that waits for those of the others.
+struct Waiting {
+    time: GpsTime,
+    /// Its last attitude then, unless it is too old.
+    own: Option<BodyState>,
+    /// Why it is not fixed.
+    reason: &'static str,
+    /// The messages of it may not leave later.
+    expires: Option<Instant>,
+    /// It waits no longer.
+    due: Instant,
 }
 
 /// All peers, and this body as they see it.
@@ -195,19 +217,26 @@ pub(crate) struct Peers {
     sinks: Vec<Sink>,
     /// The last attitude of this body.
     own: Option<BodyState>,
+    /// In their order.
+    waiting: VecDeque<Waiting>,
 }
 
 impl Peers {
     pub(crate) fn new(mut setup: PeerSetup, start: impl Fn(crate::output::Output) -> Sink) -> Self {
         let sinks = core::mem::take(&mut setup.outputs).into_iter().map(start).collect();
         let peers = setup.names.iter().map(|name| Peer { name: name.clone(), ..Peer::default() });
-        Self { peers: peers.collect(), setup, sinks, own: None }
+        Self { peers: peers.collect(), setup, sinks, own: None, waiting: VecDeque::new() }
     }
 
     /// Takes a line of a peer.
     pub(crate) fn push(&mut self, number: usize, line: PeerLine, arrived: Instant) {
         let peer = &mut self.peers[number];
         let PeerLine { state, reason } = line;
+        if let Some((before, ..)) = &peer.newest
+            && state.time - *before > ONE_EPOCH_S
+        {
+            peer.interval_s = Some(state.time - *before);
+        }
         peer.newest = Some((state.time, reason, arrived));
         let is_known = |kept: &BodyState| (kept.time - state.time).abs() < ONE_EPOCH_S;
         if state.angles_rad[0].is_none() || peer.kept.iter().any(is_known) {
@@ -219,38 +248,53 @@ impl Peers {
         peer.kept.push_back(state);
     }
 
-    /// What all peers are at a row of this body; the messages leave.
-    pub(crate) fn rows(
+    /// Takes a row of this body.
+    pub(crate) fn push_own(
         &mut self,
         row: &EpochSolution,
         rates: &AngleRates,
         expires: Option<Instant>,
-    ) -> Vec<RelativeRow> {
+    ) {
         if let Some(own) = own_state(row, rates) {
             self.own = Some(own);
         }
-        let own = self.own.as_ref().filter(|own| self.is_young(row.time - own.time));
-        let own_reason = row.reason().map_or("", |reason| reason.word());
+        let patience_s = self.peers.iter().map(Peer::patience_s).fold(0.0, f64::max);
+        self.waiting.push_back(Waiting {
+            time: row.time,
+            own: self.own.clone().filter(|own| self.is_young(row.time - own.time)),
+            reason: row.reason().map_or("", |reason| reason.word()),
+            expires,
+            due: Instant::now() + Duration::from_secs_f64(patience_s),
+        });
+    }
+
+    /// When the next row of this body waits no longer.
+    pub(crate) fn due(&self) -> Option<Instant> {
+        self.waiting.front().map(|waiting| waiting.due)
+    }
+
+    /// What all peers are at the next row of this body that need not wait; the messages leave.
+    pub(crate) fn next_rows(&mut self, now: Instant) -> Option<Vec<RelativeRow>> {
+        let peers = &self.peers;
+        let waiting = self.waiting.pop_front_if(|waiting| {
+            waiting.due <= now || !peers.iter().any(|peer| peer.is_next(waiting.time))
+        })?;
         let rows: Vec<RelativeRow> =
-            self.peers.iter().map(|peer| self.row(peer, row.time, own, own_reason)).collect();
+            self.peers.iter().map(|peer| self.row(peer, &waiting)).collect();
         for sink in &mut self.sinks {
-            if !sink.is_wanted(row.time) {
+            if !sink.is_wanted(waiting.time) {
                 continue;
             }
             for bytes in rows.iter().filter_map(|row| (self.setup.encode)(row)) {
-                sink.send(Message { bytes: bytes.into(), expires });
+                sink.send(Message { bytes: bytes.into(), expires: waiting.expires });
             }
         }
-        rows
+        Some(rows)
     }
 
-    fn row(
-        &self,
-        peer: &Peer,
-        time: GpsTime,
-        own: Option<&BodyState>,
-        own_reason: &str,
-    ) -> RelativeRow {
+    fn row(&self, peer: &Peer, waiting: &Waiting) -> RelativeRow {
+        let Waiting { time, reason: own_reason, .. } = *waiting;
+        let own = waiting.own.as_ref();
         let age_s = |state: &&BodyState| (time - state.time).abs();
         let nearest = peer.kept.iter().min_by(|a, b| age_s(a).total_cmp(&age_s(b)));
         let other = nearest.filter(|state| self.is_young(time - state.time));
@@ -297,6 +341,18 @@ impl Peers {
 }
 
 impl Peer {
+    /// Whether its next row is that of this time.
+    fn is_next(&self, time: GpsTime) -> bool {
+        self.newest.as_ref().zip(self.interval_s).is_some_and(|((newest, ..), interval_s)| {
+            (*newest + interval_s - time).abs() < TOGETHER * interval_s
+        })
+    }
+
+    /// How long its next row is worth waiting for, s.
+    fn patience_s(&self) -> f64 {
+        self.interval_s.map_or(0.0, |interval_s| (0.5 * interval_s).min(MAX_USUAL_DEADLINE_S))
+    }
+
     /// What it said last.
     fn reason(&self) -> &str {
         self.newest.as_ref().map_or(SILENT, |(_, reason, _)| reason)
@@ -362,8 +418,14 @@ mod tests {
         peers.push(0, PeerLine::read(text).unwrap(), Instant::now());
     }
 
+    /// The row of this body, which need not wait.
+    fn seen_row(peers: &mut Peers, second: f64) -> RelativeRow {
+        peers.push_own(&row(second), &[None; 3], None);
+        peers.next_rows(peers.due().unwrap()).unwrap().remove(0)
+    }
+
     fn seen(peers: &mut Peers, second: f64) -> (Status, String, Option<f64>) {
-        let found = peers.rows(&row(second), &[None; 3], None).remove(0);
+        let found = seen_row(peers, second);
         (found.status, found.reason, found.ages_s[1].map(|age_s| (age_s * 1e3).round() * 1e-3))
     }
 
@@ -379,7 +441,7 @@ mod tests {
         push(&mut peers, &line(0.2, 90.0));
         push(&mut peers, &line(0.2, 10.0));
         assert_eq!(seen(&mut peers, 0.2), fixed(0.0));
-        let relative = peers.rows(&row(0.2), &[None; 3], None).remove(0).relative.unwrap();
+        let relative = seen_row(&mut peers, 0.2).relative.unwrap();
         let wanted_deg = 90.0 - 1f64.to_degrees();
         assert!((relative.angles_rad[0].unwrap().to_degrees() - wanted_deg).abs() < 1e-9);
         assert_eq!(seen(&mut peers, 0.3).2.map(f64::abs), Some(0.1));
@@ -391,6 +453,31 @@ mod tests {
         assert_eq!(seen(&mut peers, 1.6), lost("few_satellites"));
         push(&mut peers, &line(1.8, 90.0));
         assert_eq!(seen(&mut peers, 1.8), fixed(0.0));
+    }
+
+    /// The peer's row comes after this body's of the same time; once it does not come at all.
+    #[test]
+    fn a_row_waits_for_that_of_a_peer_which_is_due() {
+        let mut peers = peers();
+        push(&mut peers, &line(0.0, 90.0));
+        push(&mut peers, &line(0.2, 90.0));
+        let now = Instant::now();
+        let ages_s = |peers: &mut Peers, at: Instant| {
+            let found = peers.next_rows(at)?.remove(0);
+            found.ages_s[1].map(|age_s| (age_s * 1e3).round() * 1e-3)
+        };
+        peers.push_own(&row(0.4), &[None; 3], None);
+        peers.push_own(&row(0.6), &[None; 3], None);
+        assert_eq!(ages_s(&mut peers, now), None);
+        push(&mut peers, &line(0.4, 90.0));
+        assert_eq!(ages_s(&mut peers, now), Some(0.0));
+        assert_eq!(ages_s(&mut peers, now), None);
+        let due = peers.due().unwrap();
+        assert!((99..1000).contains(&(due - now).as_millis()), "a tenth of a second");
+        assert_eq!(ages_s(&mut peers, due), Some(0.2));
+        // Nobody waits for more than one row.
+        peers.push_own(&row(0.8), &[None; 3], None);
+        assert_eq!(ages_s(&mut peers, now), Some(0.4));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use kurs::frames::{Body, Vector};
-use kurs::solution::Reason;
+use kurs::solution::{EpochSolution, Reason};
 use kurs_formats::nmea2000::Form;
 use kurs_formats::ubx::{AntennaLine, Conversation};
 use kurs_formats::{mavlink, nmea, nmea2000, ros, signal_k, ubx};
@@ -161,8 +161,7 @@ impl Profile {
             Self::Nmea2000ToBus => bus(Form::YdwgToBus),
             Self::Nmea2000Canboat => bus(Form::Canboat),
             Self::Ros2 => Arc::new(move |row, _, _| {
-                let is_predicted = row.reason() == Some(Reason::Predicted);
-                let lines = ros::messages(row, if is_predicted { predicted } else { float });
+                let lines = ros_messages(row, float, predicted);
                 Some(lines.iter().map(ros::Message::rosbridge).collect::<String>().into_bytes())
             }),
         }
@@ -174,8 +173,22 @@ impl Profile {
         Partner {
             greeting: if self == Self::Ros2 { ros::advertisement() } else { Vec::new() },
             conversation: self.is_receiver().then(|| Conversation::new(baud)),
+            publisher: None,
         }
     }
+}
+
+/// The messages of a topic of ROS 2 on its own bus.
+pub fn on_the_bus_of_ros(topic: ros::bus::Topic, float: bool, predicted: bool) -> Encode {
+    Arc::new(move |row, _, _| {
+        let messages = ros_messages(row, float, predicted);
+        messages.iter().find(|message| message.topic == topic).map(ros::Message::cdr)
+    })
+}
+
+fn ros_messages(row: &EpochSolution, float: bool, predicted: bool) -> Vec<ros::Message> {
+    let is_predicted = row.reason() == Some(Reason::Predicted);
+    ros::messages(row, if is_predicted { predicted } else { float })
 }
 
 fn sentences(profile: nmea::Profile) -> Encode {

@@ -131,6 +131,13 @@ impl core::fmt::Debug for NewEngine {
     }
 }
 
+/// What goes to the files.
+pub(crate) enum ForFiles {
+    Row(Box<EpochSolution>),
+    /// Other bodies at one row of this one.
+    Relative(Vec<RelativeRow>),
+}
+
 /// Why the service cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
@@ -433,13 +440,16 @@ fn antennas(inputs: &Inputs) -> Vec<Antenna> {
 fn start_writer(
     mut write_row: WriteRow,
     mut write_relative: WriteRelative,
-    rows: mpsc::Receiver<(EpochSolution, Vec<RelativeRow>)>,
+    rows: mpsc::Receiver<ForFiles>,
 ) -> Result<thread::JoinHandle<()>, ServiceError> {
     let write = move || {
         let mut last_error = String::new();
-        for (row, relative) in rows {
-            let written = write_row(&row);
-            match relative.iter().fold(written, |written, row| written.and(write_relative(row))) {
+        for rows in rows {
+            let written = match rows {
+                ForFiles::Row(row) => write_row(&row),
+                ForFiles::Relative(rows) => rows.iter().try_for_each(&mut write_relative),
+            };
+            match written {
                 Ok(()) => last_error.clear(),
                 // One that goes on and on is told of once.
                 Err(error) if error == last_error => {}

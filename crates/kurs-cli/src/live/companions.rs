@@ -37,7 +37,8 @@ pub(super) fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
 fn address_of_lines(loaded: &Loaded, key: &str, stream: &str) -> Result<Address, UsageError> {
     match stream.parse().map_err(|error| UsageError(format!("{key} {error}")))? {
         Address::Ntrip(_) => {
-            let expected = "expected serial://, tcp://, tcp-listen://, udp://, mqtt:// or file://";
+            let expected =
+                "expected serial://, tcp://, tcp-listen://, udp://, mqtt://, zenoh:// or file://";
             Err(UsageError(format!("{key}: {expected}")))
         }
         address => Ok(address.with_path(|path| loaded.path(&path))),

@@ -200,7 +200,8 @@ const fn reader(profile: Profile) -> &'static str {
         }
         _ => {
             "rosbridge: topics /kurs/imu (sensor_msgs/Imu, ENU from FLU), /kurs/heading (QuaternionStamped) and /kurs/fix \
-             (NavSatFix), frame base_link. A line is one message of rosbridge's WebSocket.\n"
+             (NavSatFix), frame base_link. A line is one message of rosbridge's WebSocket.\n\
+             ROS 2 on Zenoh (rmw_zenoh): to = \"zenoh://ROUTER:7447/DOMAIN\", with the cargo feature `zenoh`; no bridge.\n"
         }
     }
 }

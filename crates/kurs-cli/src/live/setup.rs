@@ -11,9 +11,11 @@ use kurs::observation::matcher::Deadline;
 use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin, Reason};
 use kurs::time::GpsTime;
 use kurs_formats::logs::LogOptions;
+use kurs_formats::ros::bus::{MAX_DOMAIN, Publisher, TOPICS};
 use kurs_formats::source::Source;
 use kurs_live::{
-    Address, Encode, Finish, Input, MakeEngine, Output, Page, Partner, Reloaded, STATION, Setup,
+    Address, Encode, Finish, Input, MakeEngine, Output, Page, Partner, Profile, Reloaded, STATION,
+    Setup, Zenoh,
 };
 use nalgebra::Matrix3;
 
@@ -47,10 +49,12 @@ pub(super) fn setup(
     let at = live.page.as_deref().map(|text| page_address(text, token.is_some())).transpose()?;
     let page = at.map(|at| page(at, token, loaded, &body));
     let is_relative = |output: &&OutputTable| output.profile == OutputProfile::Relative;
-    let of = |table: &OutputTable| output(table, &body, loaded);
-    let outputs = loaded.config.output.iter();
-    let relative = outputs.clone().filter(is_relative).map(of).collect::<Result<_, _>>()?;
-    let outputs = outputs.filter(|output| !is_relative(output)).map(of);
+    let made = |wanted: bool| {
+        let tables = loaded.config.output.iter().filter(|table| is_relative(table) == wanted);
+        let made = tables.map(|table| outputs(table, &body, loaded));
+        made.collect::<Result<Vec<_>, _>>().map(|outputs| outputs.concat())
+    };
+    let (relative, outputs) = (made(true)?, made(false)?);
     let tables = Arc::new(Mutex::new(tables));
     let tables_of_peers = Arc::clone(&tables);
     Ok(Setup {
@@ -76,7 +80,7 @@ pub(super) fn setup(
             let mut tables = tables_of_peers.lock().unwrap_or_else(PoisonError::into_inner);
             tables.write_relative(row).map_err(|error| format!("{error:#}"))
         }),
-        outputs: outputs.collect::<Result<_, _>>()?,
+        outputs,
         gga: Box::new(messages::gga),
         first_gga: remembered.place.and_then(|place| gga_of_place(place, remembered.time)),
         page,
@@ -178,16 +182,21 @@ fn deadline(milliseconds: Option<f64>) -> Result<Deadline, UsageError> {
     }
 }
 
-fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, UsageError> {
+/// One output; on the bus of ROS 2 one for every topic.
+fn outputs(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Vec<Output>, UsageError> {
     let wrong = |what: String| UsageError(format!("output `{}`: {what}", output.to));
     let address: Address = output.to.parse().map_err(|error| wrong(format!("{error}")))?;
     if matches!(address, Address::Ntrip(_) | Address::File { .. }) {
-        return Err(wrong("expected serial://, tcp://, tcp-listen://, udp:// or mqtt://".into()));
+        let expected = "expected serial://, tcp://, tcp-listen://, udp://, mqtt:// or zenoh://";
+        return Err(wrong(expected.into()));
     }
     if let Some(rate_hz) = output.rate_hz
         && !(1e-3..=1000.0).contains(&rate_hz)
     {
         return Err(wrong(format!("rate_hz is {rate_hz}, expected 0.001 to 1000")));
+    }
+    if let (Address::Zenoh(place), OutputProfile::Of(Profile::Ros2)) = (&address, output.profile) {
+        return on_the_bus_of_ros(output, place).map_err(wrong);
     }
     let leaves = Leaves { float: output.float, predicted: output.predicted };
     let (encode, partner, rate_hz) = match output.profile {
@@ -214,7 +223,28 @@ fn output(output: &OutputTable, body: &str, loaded: &Loaded) -> Result<Output, U
             (profile.encode(line, output.float, output.predicted), partner, profile.rate_hz())
         }
     };
-    Ok(Output { address, rate_hz: output.rate_hz.or(rate_hz), encode, partner })
+    Ok(vec![Output { address, rate_hz: output.rate_hz.or(rate_hz), encode, partner }])
+}
+
+/// The topics of ROS 2; the key of the address is the number of their domain.
+fn on_the_bus_of_ros(output: &OutputTable, place: &Zenoh) -> Result<Vec<Output>, String> {
+    let domain = place.key.parse().ok().filter(|domain| *domain <= MAX_DOMAIN);
+    let domain = domain.ok_or_else(|| {
+        format!(
+            "profile `ros2`: the key {:?} is no ROS domain, expected 0 to {MAX_DOMAIN}",
+            place.key
+        )
+    })?;
+    let of_topic = |topic| {
+        let publisher = Publisher { domain, topic };
+        Output {
+            address: Address::Zenoh(Zenoh { key: publisher.key(), ..place.clone() }),
+            rate_hz: output.rate_hz,
+            encode: kurs_live::on_the_bus_of_ros(topic, output.float, output.predicted),
+            partner: Partner { publisher: Some(publisher), ..Partner::default() },
+        }
+    };
+    Ok(TOPICS.map(of_topic).into())
 }
 
 /// Where the antennas are on the body; empty if that is not known.

@@ -138,7 +138,7 @@ fn convbin_reads_the_observations_of_the_logs() {
             .args([&path("converted.rnx"), &log])
             .output();
         if let Err(error) = run {
-            crate::outside::skipped(&format!("convbin: {error}"));
+            crate::outside::lacking(&format!("convbin: {error}"));
             return;
         }
         let found = by_signal(&path("converted.rnx"));

@@ -273,7 +273,7 @@ fn convbin(bytes: &[u8], format: &str) -> Option<NavigationData> {
         .args([Path::new("12:00:00"), Path::new("-n"), &output, &log])
         .output();
     if let Err(error) = run {
-        crate::outside::skipped(&format!("convbin: {error}"));
+        crate::outside::lacking(&format!("convbin: {error}"));
         return None;
     }
     let mut all = NavigationData::default();

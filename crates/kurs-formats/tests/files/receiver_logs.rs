@@ -45,7 +45,7 @@ fn convbin(log: &Path, format: &str, folder: &Path) -> Option<Signals> {
     match run {
         Ok(_) => Some(signals(&output)),
         Err(error) => {
-            crate::outside::skipped(&format!("convbin: {error}"));
+            crate::outside::lacking(&format!("convbin: {error}"));
             None
         }
     }
