@@ -17,8 +17,10 @@ use serde_json::Value;
 use super::world::{Motion, World};
 use super::{RECTANGLE_M, TRIANGLE_M, degrees, engine, told};
 
-/// So many significant digits are kept, and compared but for one.
+/// So many significant digits are kept …
 const DIGITS: usize = 9;
+/// … and this share of a number is rounding.
+const ROUNDING: f64 = 1e-7;
 /// Below it a number is rounding.
 const NOTHING: f64 = 1e-9;
 
@@ -337,7 +339,7 @@ fn difference(found: &Value, frozen: &Value) -> Option<String> {
         }
         (Value::Number(a), Value::Number(b)) => {
             let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
-            let limit = NOTHING.max(10f64.powi(2 - DIGITS as i32) * a.abs().max(b.abs()));
+            let limit = NOTHING.max(ROUNDING * a.abs().max(b.abs()));
             ((a - b).abs() > limit).then(|| format!(": {a}, frozen {b}"))
         }
         _ => (found != frozen).then(|| format!(": {found}, frozen {frozen}")),
