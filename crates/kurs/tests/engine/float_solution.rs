@@ -99,7 +99,7 @@ fn code_can_be_left_out() {
     assert!(without.is_without_code() && !float.is_without_code());
     assert_eq!(without.code_fit, Fit::default());
     let inverse = |of: &FloatSolution| {
-        of.conditional_covariance_m2().and_then(|covariance| covariance.try_inverse()).unwrap()
+        of.conditional_covariance_m2().and_then(|c| c.clone().try_inverse()).unwrap()
     };
     let code = float.covariance_m2.clone().try_inverse().unwrap();
     let expected = inverse(&float) - &code * (1.0 - 1e-6);
