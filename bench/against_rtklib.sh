@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
-# Whole-program comparison with RTKLIB's rnx2rtkp on the same files and bands, run in turn.
-# Prints fix rates, mean baselines, and for each pair the ratio of processor times (user + system).
+# Whole-program comparison with RTKLIB's rnx2rtkp on the same files and bands, run in turn: a table in Markdown of the
+# fixed epochs, the baseline's length, and the processor time (user + system) of all runs together.
 #
-#   bench/against_rtklib.sh [RUNS]        (default 5; needs rnx2rtkp, from Debian's package rtklib)
+#   bench/against_rtklib.sh [RUNS]        (default 20; needs rnx2rtkp and convbin, from Debian's package rtklib)
 #
 # KURS_DATA: folder of the recordings (default ../shared/data). KURS: program (default release build).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source tests/lacking.sh
-runs=${1:-5}
+runs=${1:-20}
 data=${KURS_DATA:-../shared/data}
 kurs=${KURS:-target/release/kurs}
 command -v rnx2rtkp >/dev/null || { lacking "no rnx2rtkp (apt-get install rtklib)"; exit 0; }
@@ -18,42 +18,53 @@ work=$(mktemp -d); trap 'rm -rf "$work"' EXIT
 # Processor seconds of one command, its output thrown away.
 seconds() { { TIMEFORMAT='%3U %3S'; time "$@" >/dev/null 2>&1; } 2>&1 | tail -1 | awk '{print $1 + $2}'; }
 
-row() { # name, base, rover, nav, bands, RTKLIB configuration
-    local base=$data/$2 rover=$data/$3 nav=$data/$4 conf=$data/rtklib_conf/$6.conf
+row() { # name, base, rover, navigation, bands, systems and bands in RTKLIB's words, ambiguity
+    local name=$1 base=$2 rover=$3 nav=$4 bands=$5 conf=$work/rtklib.conf ambiguity=$7
+    sed "s/^pos1-navsys.*/pos1-navsys=${8:-$(sed -n 's/^pos1-navsys *= *//p' "$data/rtklib_conf/mb_${ambiguity}_$6.conf")}/" \
+        "$data/rtklib_conf/mb_${ambiguity}_$6.conf" >"$conf"
     local ours=("$kurs" solve --quiet --require-fix 0 --antenna "base=$base" --antenna "rover=$rover" --nav "$nav"
-        --set elevation_mask_deg=15 --set "bands=[$5]" --out "$work/out")
+        --set elevation_mask_deg=15 --set "bands=[$bands]" --set "ambiguity=$ambiguity" --out "$work/out")
     local theirs=(rnx2rtkp -k "$conf" -o "$work/out.pos" "$rover" "$base" "$nav")
     seconds "${ours[@]}" >/dev/null; seconds "${theirs[@]}" >/dev/null
     for _ in $(seq "$runs"); do
         echo "$(seconds "${ours[@]}") $(seconds "${theirs[@]}")"
-    done | sort -g -k1 > "$work/times"
-    local memory; memory=$(/usr/bin/time -f %M "${ours[@]}" 2>&1 >/dev/null | tail -1)
-    python3 - "$1" "$5" "$work" "$memory" <<'PY'
+    done >"$work/times"
+    python3 - "$name" "$bands" "$ambiguity" "$work" <<'PY'
 import csv, statistics, sys
-name, bands, work, memory = sys.argv[1:]
+name, bands, ambiguity, work = sys.argv[1:]
 pairs = [tuple(map(float, line.split())) for line in open(f"{work}/times")]
-rows = list(csv.DictReader(open(f"{work}/out/attitude.csv")))
+epochs = list(csv.DictReader(open(f"{work}/out/attitude.csv")))
 baselines = [r for r in csv.DictReader(open(f"{work}/out/baselines.csv")) if r["status"] == "fixed"]
-fixed = 100 * sum(r["status"] == "fixed" for r in rows) / len(rows)
 theirs = [l.split() for l in open(f"{work}/out.pos") if not l.startswith("%")]
-q1 = [l for l in theirs if l[5] == "1"]
-def spread(values):
-    return f"{statistics.mean(values):10.4f} ± {statistics.pstdev(values):6.4f}" if values else "-"
-length = [float(r["length_m"]) for r in baselines]
-other = [sum(float(c) ** 2 for c in l[2:5]) ** 0.5 for l in q1]
-ours_s, theirs_s = (statistics.median(p[i] for p in pairs) for i in (0, 1))
-ratio = statistics.median(t / max(o, 1e-3) for o, t in pairs)
-print(f"{name:10} {bands:18} kurs {fixed:6.2f} % {spread(length)} m {ours_s:7.3f} s {int(memory)//1024:3} MB | "
-      f"rtklib {100 * len(q1) / len(rows):6.2f} % {spread(other)} m {theirs_s:7.3f} s | {ratio:5.1f} times faster")
+def spread(lengths):
+    return f"{statistics.mean(lengths):.4f} ± {statistics.pstdev(lengths):.4f}" if lengths else "–"
+def share(count):
+    return f"{100 * count / len(epochs):.1f} %"
+ours_m = [float(r["length_m"]) for r in baselines]
+theirs_m = [sum(float(c) ** 2 for c in l[2:5]) ** 0.5 for l in theirs if l[5] == "1"]
+fixed = share(sum(r["status"] == "fixed" for r in epochs))
+ours_s, theirs_s = map(sum, zip(*pairs))
+print(f"| `{name}` | {bands} | {ambiguity} | {fixed}, {spread(ours_m)} m | {share(len(theirs_m))}, {spread(theirs_m)} m "
+      f"| {ours_s / len(pairs):.4f} | {theirs_s / len(pairs):.3f} | {theirs_s / ours_s:.1f} |")
 PY
 }
 
-m=matrtklib_static; u=upc2011; g=geonet2005
-row matrtklib "$m/base.obs" "$m/rover.obs" "$m/base.nav" G1 mb_instantaneous_L1_G
-row matrtklib "$m/base.obs" "$m/rover.obs" "$m/base.nav" G1,G2 mb_instantaneous_L1L2_G
-row matrtklib "$m/base.obs" "$m/rover.obs" "$m/base.nav" G1,E1,C2 mb_instantaneous_L1_GEC
-row matrtklib "$m/base.obs" "$m/rover.obs" "$m/base.nav" G1,G2,E1,E5,C2,C7 mb_instantaneous_L1L2_GEC
-row upc2011 "$u/UPC10770.11o" "$u/UPC20770.11o" "$u/brdc0770.11n" G1,G2 mb_instantaneous_L1L2_G
-row geonet2005 "$g/07590920.05o" "$g/30400920.05o" "$g/30400920.05n" G1,G2 mb_instantaneous_L1L2_G
-# One band over kilometres: here RTKLIB fixes what Kurs is not sure of.
-row geonet2005 "$g/07590920.05o" "$g/30400920.05o" "$g/30400920.05n" G1 mb_instantaneous_L1_G
+m=$data/matrtklib_static u=$data/upc2011 g=$data/geonet2005 s=$work/shadow
+echo "| observations | bands | ambiguity | Kurs fixed, length | RTKLIB fixed, length | Kurs, s | RTKLIB, s | times |"
+echo "|---|---|---|---|---|---|---|---|"
+for who in base rover; do
+    gzip -dc "$data/shadow2026/${who}_all.rtcm3.gz" >"$s-$who.rtcm3"
+    convbin -r rtcm3 -v 3.04 -od -os -tr 2026/06/26 16:00:00 -o "$s-$who.obs" -n "$s-$who.nav" "$s-$who.rtcm3" 2>/dev/null
+done
+for ambiguity in instantaneous continuous; do
+    matrtklib=(matrtklib "$m/base.obs" "$m/rover.obs" "$m/base.nav")
+    upc=(upc2011 "$u/UPC10770.11o" "$u/UPC20770.11o" "$u/brdc0770.11n")
+    geonet=(geonet2005 "$g/07590920.05o" "$g/30400920.05o" "$g/30400920.05n")
+    row "${matrtklib[@]}" G1 L1_G $ambiguity
+    row "${matrtklib[@]}" G1,G2 L1L2_G $ambiguity
+    row "${matrtklib[@]}" G1,E1,C2 L1_GEC $ambiguity
+    row "${matrtklib[@]}" G1,G2,E1,E5,C2,C7 L1L2_GEC $ambiguity
+    row "${upc[@]}" G1,G2 L1L2_G $ambiguity
+    row "${geonet[@]}" G1,G2 L1L2_G $ambiguity
+    row shadow2026 "$s-base.obs" "$s-rover.obs" "$s-base.nav" C2 L1_GEC $ambiguity 32
+done

@@ -1,25 +1,33 @@
 #!/usr/bin/env python3
 """What a session costs against its size, and how fast the whole program is: docs/experiments/speed.md and speed.svg.
 
-    bench/speed.py [--kurs PROGRAM] [--runs N] [--out FOLDER] [--day]
+    bench/speed.py [PART …] [--kurs PROGRAM] [--runs N] [--instructions]
+
+Parts are `sizes`, `program`, `rtklib` (bench/against_rtklib.sh) and `day`, 24 hours at 1 Hz of four antennas on two bands
+(some gigabytes of files); the first three if none is named. Each writes its own place of the page.
 
 Sessions are simulated (`kurs simulate`), one size is changed at a time, and each is solved `--runs` times (default 5) for
 each of its two lengths: the least processor time counts, so that what else the machine does falls out. Cost of an epoch is
 the difference of the two lengths over the difference of their epochs, in which start and navigation file fall out.
-`--day` adds 24 hours at 1 Hz of four antennas on two bands (some gigabytes of files).
+`--instructions` counts them (valgrind) instead of taking the time of `sizes`, once and over shorter sessions.
 """
 
 import argparse
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
 import time
 
+import pages
+
+PAGE, PICTURE = "docs/experiments/speed.md", "docs/experiments/speed.svg"
+COMMAND = "bench/speed.py"
 # The other sizes where one is changed.
 SATELLITES, ANTENNAS, BANDS = 20, 2, 2
-LENGTHS = (20, 120)
+LENGTHS, COUNTED_LENGTHS = (20, 120), (5, 15)
 SIZES = {
     "epochs": [60, 120, 240, 480, 960],
     "satellites": [8, 12, 16, 20, 24, 28, 32, 36, 40],
@@ -71,6 +79,13 @@ def cpu_s(command, runs):
     return least, peak
 
 
+def instructions(command):
+    """Instructions of a command, 10⁶."""
+    counting = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", *command]
+    counted = subprocess.run(counting, capture_output=True, text=True, check=True).stderr
+    return int(re.search(r"Collected : (\d+)", counted)[1]) / 1e6
+
+
 def session(arguments, folder, seconds, **size):
     """Simulates; the command that solves it."""
     path = f"{folder}/{seconds}"
@@ -82,13 +97,15 @@ def session(arguments, folder, seconds, **size):
             "--set", "constraint=none", "--set", "ambiguity=instantaneous", "--set", "elevation_mask_deg=0"]
 
 
-def cost_ms(arguments, name, size):
-    """Processor time of an epoch; of the whole session where its length is what changes."""
+def cost(arguments, name, size):
+    """Milliseconds (10⁶ instructions) of an epoch; of the whole session where its length is what changes."""
+    cost_of = lambda command: instructions(command) if arguments.instructions else 1e3 * cpu_s(command, arguments.runs)[0]
+    lengths = COUNTED_LENGTHS if arguments.instructions else LENGTHS
     with tempfile.TemporaryDirectory() as folder:
         if name == "epochs":
-            return 1e3 * cpu_s(session(arguments, folder, size), arguments.runs)[0]
-        times = [cpu_s(session(arguments, folder, length, **{name: size}), arguments.runs)[0] for length in LENGTHS]
-        return 1e3 * (times[1] - times[0]) / (LENGTHS[1] - LENGTHS[0])
+            return cost_of(session(arguments, folder, size))
+        costs = [cost_of(session(arguments, folder, length, **{name: size})) for length in lengths]
+        return (costs[1] - costs[0]) / (lengths[1] - lengths[0])
 
 
 def exponent(points):
@@ -128,66 +145,69 @@ def megabytes_per_s(arguments, command, path):
     return os.path.getsize(path) / 1e6 / cpu_s(command, arguments.runs)[0]
 
 
-def whole_program(arguments, folder):
-    """Rows of the table: what, asked, measured."""
-    rows = []
+def sizes(arguments, _):
+    curves = {name: [(size, cost(arguments, name, size)) for size in of_name] for name, of_name in SIZES.items()}
+    with open(PICTURE, "w", encoding="utf-8") as file:
+        file.write(plot(curves))
+    unit = "10⁶ instructions" if arguments.instructions else "ms"
+    rows = ["| what grows | exponent asked | measured | cost, " + unit + " |", "|---|---|---|---|"]
+    for name, points in curves.items():
+        asked = f"{ASKED[name]:.2f}" if name in ASKED else "–"
+        costs = ", ".join(f"{size}: {cost:.3g}" for size, cost in points)
+        of_what = "of the session" if name == "epochs" else "of an epoch"
+        rows.append(f"| {name} | {asked} | {exponent(points):.2f} | {of_what}, {costs} |")
+    return "\n".join(rows)
+
+
+def program(arguments, folder):
     start_s, _ = cpu_s([arguments.kurs, "--version"], arguments.runs)
-    rows.append(("start-up (`kurs --version`)", "10 ms", f"{1e3 * start_s:.1f} ms"))
     began = time.monotonic()
     demo_s, _ = cpu_s([arguments.kurs, "demo", "--out", f"{folder}/demo"], 1)
-    rows.append(("demo", "3 s", f"{time.monotonic() - began:.1f} s, processor {demo_s:.1f} s"))
-    path = f"{folder}/rates"
-    session(argparse.Namespace(kurs=arguments.kurs), path, 9000, satellites=30)
-    observations = f"{path}/9000/A0.rnx"
+    demo = f"{time.monotonic() - began:.1f} s, processor {demo_s:.1f} s"
+    session(arguments, f"{folder}/rates", 9000, satellites=30)
+    observations = f"{folder}/rates/9000/A0.rnx"
     size = os.path.getsize(observations) / 1e6
     rate = megabytes_per_s(arguments, [arguments.kurs, "inspect", observations], observations)
-    rows.append((f"`inspect` of {size:.0f} MB of RINEX 3", "400 MB/s", f"{rate:.0f} MB/s"))
-    return rows
+    return table([
+        ("start-up (`kurs --version`)", "10 ms", f"{1e3 * start_s:.1f} ms"),
+        ("demo", "3 s", demo),
+        (f"`inspect` of {size:.0f} MB of RINEX 3", "400 MB/s", f"{rate:.0f} MB/s"),
+    ])
 
 
 def day(arguments, folder):
-    """A day at 1 Hz of four antennas on two bands."""
     command = session(arguments, f"{folder}/day", 86400, satellites=30, antennas=4)
     began = time.monotonic()
     processor_s, peak_mb = cpu_s(command, 1)
-    return ("24 h at 1 Hz, 4 antennas, 30 satellites, 2 bands", "60 s, 64 MB",
-            f"{time.monotonic() - began:.0f} s, processor {processor_s:.0f} s, {peak_mb:.0f} MB")
+    measured = f"{time.monotonic() - began:.0f} s, processor {processor_s:.0f} s, {peak_mb:.0f} MB"
+    return table([("24 h at 1 Hz, 4 antennas, 30 satellites, 2 bands", "60 s, 64 MB", measured)])
+
+
+def rtklib(arguments, _):
+    environment = os.environ | {"KURS": os.path.abspath(arguments.kurs)}
+    command = ["bench/against_rtklib.sh", str(arguments.runs)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def table(rows):
+    return "\n".join(["| what | asked | measured |", "|---|---|---|"] + [f"| {' | '.join(row)} |" for row in rows])
+
+
+PARTS = {"sizes": sizes, "program": program, "rtklib": rtklib, "day": day}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=["sizes", "program", "rtklib"])
     parser.add_argument("--kurs", default="target/release/kurs")
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--out", default="docs/experiments")
-    parser.add_argument("--day", action="store_true")
+    parser.add_argument("--instructions", action="store_true")
     arguments = parser.parse_args()
-    curves = {name: [(size, cost_ms(arguments, name, size)) for size in sizes] for name, sizes in SIZES.items()}
-    with tempfile.TemporaryDirectory() as folder:
-        rows = whole_program(arguments, folder) + ([day(arguments, folder)] if arguments.day else [])
-    with open(f"{arguments.out}/speed.svg", "w") as file:
-        file.write(plot(curves))
-    with open(f"{arguments.out}/speed.md", "w") as file:
-        file.write(document(curves, rows, arguments))
-
-
-def document(curves, rows, arguments):
-    text = f"""# Speed: figures
-
-Made by `bench/speed.py`: simulated sessions of a body at rest, {SATELLITES} satellites, {ANTENNAS} antennas and {BANDS} bands
-where these are not what changes, no constraint, each epoch by itself; least processor time of {arguments.runs} runs.
-
-![Cost against size](speed.svg)
-
-| what grows | exponent asked | measured | cost |
-|---|---|---|---|
-"""
-    for name, points in curves.items():
-        asked = f"{ASKED[name]:.2f}" if name in ASKED else "–"
-        costs = ", ".join(f"{size}: {cost:.3g} ms" for size, cost in points)
-        of_what = "of the session" if name == "epochs" else "of an epoch"
-        text += f"| {name} | {asked} | {exponent(points):.2f} | {of_what}, {costs} |\n"
-    text += "\n| whole program | asked | measured |\n|---|---|---|\n"
-    return text + "".join(f"| {what} | {asked} | {measured} |\n" for what, asked, measured in rows)
+    if unknown := set(arguments.parts) - set(PARTS):
+        parser.error(f"no such part: {', '.join(sorted(unknown))}")
+    for part in arguments.parts:
+        with tempfile.TemporaryDirectory() as folder:
+            pages.write(PAGE, f"{COMMAND} {part}", PARTS[part](arguments, folder))
 
 
 if __name__ == "__main__":
