@@ -65,7 +65,7 @@ impl Graph {
 #[must_use]
 pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combination> {
     let graph = Graph::of(links, usable);
-    // The signed sum of links that takes the term of each antenna and satellite out of a link: −c, −d.
+    // The signed sum of links that determines the term of each antenna and satellite.
     let mut antennas: Vec<Option<Combination>> = vec![None; graph.antennas];
     let mut satellites: Vec<Option<Combination>> = vec![None; graph.satellites];
     let mut in_tree = vec![false; graph.edges.len()];
@@ -82,8 +82,8 @@ pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combi
         .map(|(&(edge, antenna, satellite), _)| {
             let mut sum: Combination = smallvec![(edge, 1.0)];
             // link − c − d
-            for without in [&antennas[antenna], &satellites[satellite]].into_iter().flatten() {
-                sum.extend_from_slice(without);
+            for term in [&antennas[antenna], &satellites[satellite]] {
+                sum.extend(term.iter().flat_map(negated));
             }
             collected(sum)
         })
@@ -101,10 +101,10 @@ fn grow(
         let mut grown = false;
         for (&(edge, antenna, satellite), in_tree) in graph.edges.iter().zip(&mut *in_tree) {
             match (&antennas[antenna], &satellites[satellite]) {
-                // −c = −(link − d)
-                (None, Some(minus_d)) => antennas[antenna] = Some(less_link(edge, minus_d)),
-                // −d = −(link − c)
-                (Some(minus_c), None) => satellites[satellite] = Some(less_link(edge, minus_c)),
+                // c = link − d
+                (None, Some(d)) => antennas[antenna] = Some(link_minus(edge, d)),
+                // d = link − c
+                (Some(c), None) => satellites[satellite] = Some(link_minus(edge, c)),
                 _ => continue,
             }
             (*in_tree, grown) = (true, true);
@@ -141,11 +141,14 @@ pub fn loops(links: &[(usize, Satellite)]) -> usize {
     links.len() + parts - antennas - satellites
 }
 
-/// `−(link − term)` from `−term`.
-fn less_link(edge: usize, minus_term: &Combination) -> Combination {
-    let mut sum: Combination = smallvec![(edge, -1.0)];
-    sum.extend(minus_term.iter().map(|(edge, sign)| (*edge, -sign)));
+fn link_minus(edge: usize, other: &Combination) -> Combination {
+    let mut sum: Combination = smallvec![(edge, 1.0)];
+    sum.extend(negated(other));
     sum
+}
+
+fn negated(combination: &Combination) -> impl Iterator<Item = (usize, f64)> {
+    combination.iter().map(|(edge, sign)| (*edge, -sign))
 }
 
 /// A sum in which each link stands once.
