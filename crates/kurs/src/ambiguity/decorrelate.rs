@@ -10,7 +10,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{AmbiguityError, MAX_CYCLES, ldl::Ldl};
+use super::{AmbiguityError, MAX_CYCLES, exchange::Exchanges, ldl::Ldl};
 
 /// An exchange must lower the conditional variance by at least this share.
 const MIN_GAIN: f64 = 1e-6;
@@ -31,6 +31,7 @@ enum Step {
 pub struct Decorrelation {
     ldl: Ldl,
     steps: Vec<Step>,
+    exchanges: Exchanges,
 }
 
 impl Decorrelation {
@@ -60,15 +61,17 @@ impl Decorrelation {
         self.ldl.factor(covariance, blocks)?;
         self.steps.clear();
         let n = self.dimension();
+        self.exchanges.begin(n);
         let mut exchanges_left = MAX_EXCHANGES_PER_PAIR * n * n;
         // From the last pair to the first, one back after each exchange.
         let mut pair = n - 1;
         while pair > 0 {
             let k = pair - 1;
-            // δ = dₖ + (l − μ)² dₖ₊₁,  μ = round(l): the variance that ambiguity k would have
+            self.exchanges.tell(&mut self.ldl.lower, k);
+            // δ = dₖ + (l − μ)² dₖ₊₁,  μ = nearest integer to l: the variance that ambiguity k would have
             // in the place of k + 1
             let l = self.ldl.lower[(k + 1, k)];
-            let multiple = l.round();
+            let multiple = nearest_integer(l);
             let exchanged =
                 self.ldl.variances[k] + (l - multiple).powi(2) * self.ldl.variances[k + 1];
             let one_block = self.ldl.block_starts[k] == self.ldl.block_starts[k + 1];
@@ -78,7 +81,8 @@ impl Decorrelation {
                 if multiple.abs() > 1.0 {
                     // A large multiple makes the rest of the column large: keep it small.
                     for source in k + 2..n {
-                        self.subtract(k, source, self.ldl.lower[(source, k)].round())?;
+                        let multiple = nearest_integer(self.ldl.lower[(source, k)]);
+                        self.subtract(k, source, multiple)?;
                     }
                 }
                 self.exchange(k, exchanged);
@@ -209,30 +213,15 @@ impl Decorrelation {
 
     /// Exchanges ambiguities `k` and `k + 1`; `exchanged` is the new variance of place `k + 1`.
     fn exchange(&mut self, k: usize, exchanged: f64) {
-        let n = self.dimension();
-        let d = &mut self.ldl.variances;
-        let q = self.ldl.lower.as_mut_slice(); // column-major: lᵢⱼ is q[i + j n]
-
-        // η = dₖ / δ,   λ = dₖ₊₁ l / δ,   dₖ ← η dₖ₊₁,   dₖ₊₁ ← δ
-        let l = q[k + 1 + k * n];
-        let eta = d[k] / exchanged;
-        let lambda = d[k + 1] * l / exchanged;
-        d[k] = eta * d[k + 1];
-        d[k + 1] = exchanged;
-
-        // ⎡lₖⱼ  ⎤   ⎡−l  1⎤ ⎡lₖⱼ  ⎤
-        // ⎣lₖ₊₁ⱼ⎦ ← ⎣ η  λ⎦ ⎣lₖ₊₁ⱼ⎦      for j < k
-        for column in q[..k * n].chunks_exact_mut(n) {
-            let pair = &mut column[k..k + 2];
-            let (upper, lower) = (pair[0], pair[1]);
-            pair[0] = lower - l * upper;
-            pair[1] = eta * upper + lambda * lower;
-        }
-        q[k + 1 + k * n] = lambda;
-        let (left, right) = q.split_at_mut((k + 1) * n);
-        left[k * n + k + 2..].swap_with_slice(&mut right[k + 2..n]);
+        let Ldl { lower, variances, .. } = &mut self.ldl;
+        self.exchanges.exchange(variances, lower, k, exchanged);
         self.steps.push(Step::Exchange { first: k });
     }
+}
+
+/// Most are zero, which takes no rounding.
+fn nearest_integer(l: f64) -> f64 {
+    if l.abs() < 0.5 { 0.0 } else { l.round() }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! implementation aspects*; symmetric pivoting after Chang, Yang & Zhou (2005), *MLAMBDA*; in panels, so that most of
 //! the work is a product of matrices, as Golub & Van Loan, *Matrix Computations*, 4.2.9, do it for Cholesky's factors.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView};
 
 use super::AmbiguityError;
 
@@ -29,6 +29,8 @@ pub struct Ldl {
     pub order: Vec<usize>,
     /// The first position of the block to which position `i` belongs.
     pub block_starts: Vec<usize>,
+    /// Rows of `L` of which the rest of the covariance has not heard, each in a column of `n`.
+    panel: Vec<f64>,
 }
 
 impl Default for Ldl {
@@ -38,6 +40,7 @@ impl Default for Ldl {
             variances: Vec::new(),
             order: Vec::new(),
             block_starts: Vec::new(),
+            panel: Vec::new(),
         }
     }
 }
@@ -80,83 +83,79 @@ impl Ldl {
         }
         self.lower.clone_from(covariance);
         self.variances.clear();
-        self.variances.resize(n, 0.0);
+        self.variances.extend(covariance.diagonal().iter());
         self.order.clear();
         self.order.extend(0..n);
-        let mut panel = DMatrix::zeros(n, PANEL.min(n));
+        self.panel.resize(n * PANEL.min(n), 0.0);
         let mut end = n;
         while end > 0 {
             let start = end.saturating_sub(PANEL);
             for i in (start..end).rev() {
-                self.eliminate(i, end, &mut panel)?;
+                self.eliminate(i, end)?;
             }
-            self.update_rest(start, end, &panel);
+            self.update_rest(start, end);
             end = start;
         }
         Ok(())
     }
 
     /// Eliminates the best ambiguity of the block of `i` in the place `i`, and puts its row of `L` into the next column of
-    /// `panel`, which holds those since `end`. Of these the covariance of the ambiguities before has heard only on its
-    /// diagonal.
-    fn eliminate(
-        &mut self,
-        i: usize,
-        end: usize,
-        panel: &mut DMatrix<f64>,
-    ) -> Result<(), AmbiguityError> {
+    /// the panel, which holds those since `end`. Of these the covariance of the ambiguities before has heard only on its
+    /// diagonal, which stands in the places of `D` that are to come.
+    fn eliminate(&mut self, i: usize, end: usize) -> Result<(), AmbiguityError> {
         let n = self.variances.len();
         let q = self.lower.as_mut_slice(); // column-major: qⱼₖ is q[j + k n]
+        let (first, variances) = (self.block_starts[i], &mut self.variances);
         let mut pivot = i;
-        for j in self.block_starts[i]..i {
-            if q[j + j * n] < q[pivot + pivot * n] {
+        for (j, variance) in variances[..i].iter().enumerate().skip(first) {
+            if *variance < variances[pivot] {
                 pivot = j;
             }
         }
         let done = end - 1 - i;
-        let (rows, row) = panel.as_mut_slice().split_at_mut(done * n);
+        let (rows, row) = self.panel.split_at_mut(done * n);
         exchange(q, n, pivot, i, end);
         rows.chunks_exact_mut(n).for_each(|row| row.swap(pivot, i));
         self.order.swap(pivot, i);
+        variances.swap(pivot, i);
         // dᵢ = qᵢᵢ
-        let variance = q[i + i * n];
+        let variance = variances[i];
         if !(variance > 0.0 && variance.is_finite()) {
             return Err(AmbiguityError::NotPositiveDefinite { index: self.order[i], variance });
         }
-        self.variances[i] = variance;
         // qᵢₖ ← qᵢₖ − Σ lₚᵢ dₚ lₚₖ  (i < p < end),   lᵢₖ = qᵢₖ / dᵢ,   qₖₖ ← qₖₖ − lᵢₖ qᵢₖ      for k < i
         let row = &mut row[..i];
-        for k in 0..i {
-            row[k] = q[i + k * n];
+        for (q_ik, column) in row.iter_mut().zip(q.chunks_exact(n)) {
+            *q_ik = column[i];
         }
-        for (later, d) in rows.chunks_exact(n).zip(self.variances[..end].iter().rev()) {
+        for (later, d) in rows.chunks_exact(n).zip(variances[..end].iter().rev()) {
             let weight = later[i] * d;
             for (q_ik, l_pk) in row.iter_mut().zip(later) {
                 *q_ik -= weight * l_pk;
             }
         }
-        for k in 0..i {
-            let l_ik = row[k] / variance;
-            q[k + k * n] -= l_ik * row[k];
-            row[k] = l_ik;
+        for (q_ik, q_kk) in row.iter_mut().zip(variances) {
+            let l_ik = *q_ik / variance;
+            *q_kk -= l_ik * *q_ik;
+            *q_ik = l_ik;
         }
         Ok(())
     }
 
-    /// Writes the rows of `L` in `panel` where they belong, and tells the covariance of the ambiguities before `start` of
-    /// them: `qⱼₖ ← qⱼₖ − Σ lₚⱼ dₚ lₚₖ` for `k < j`; the diagonal has heard.
-    fn update_rest(&mut self, start: usize, end: usize, panel: &DMatrix<f64>) {
+    /// Writes the rows of `L` in the panel where they belong, and tells the covariance of the ambiguities before `start` of
+    /// them: `qⱼₖ ← qⱼₖ − Σ lₚⱼ dₚ lₚₖ` for `k < j`.
+    fn update_rest(&mut self, start: usize, end: usize) {
         let n = self.variances.len();
         let q = self.lower.as_mut_slice();
-        for (row, i) in panel.as_slice().chunks_exact(n).zip((start..end).rev()) {
-            for k in 0..i {
-                q[i + k * n] = row[k];
+        for (row, i) in self.panel.chunks_exact(n).zip((start..end).rev()) {
+            for (l_ik, column) in row[..i].iter().zip(q.chunks_exact_mut(n)) {
+                column[i] = *l_ik;
             }
             q[i + i * n] = 1.0;
             q[i * n..i + i * n].fill(0.0);
         }
-        let diagonal: Vec<f64> = (0..start).map(|k| q[k + k * n]).collect();
-        let left = panel.view((0, 0), (start, end - start));
+        let panel = DMatrixView::from_slice(&self.panel, n, end - start);
+        let left = panel.rows(0, start);
         let right =
             DMatrix::from_fn(end - start, start, |p, k| self.variances[end - 1 - p] * left[(k, p)]);
         for first in (0..start).step_by(STRIP) {
@@ -164,28 +163,24 @@ impl Ldl {
             let (left, right) = (left.rows(first, height), right.columns(first, width));
             self.lower.view_mut((first, first), (height, width)).gemm(-1.0, &left, &right, 1.0);
         }
-        for (k, variance) in diagonal.into_iter().enumerate() {
-            self.lower[(k, k)] = variance;
-        }
     }
 }
 
-/// Exchanges ambiguities `p <= i` in the lower triangle of `q`, in which the rows from `end` on
+/// Exchanges ambiguities `p <= i` in the lower triangle of `q` below its diagonal, in which the rows from `end` on
 /// already hold `L`.
 fn exchange(q: &mut [f64], n: usize, p: usize, i: usize, end: usize) {
     if p == i {
         return;
     }
-    for column in 0..p {
-        q.swap(p + column * n, i + column * n);
+    for column in q[..p * n].chunks_exact_mut(n) {
+        column.swap(p, i);
     }
-    q.swap(p + p * n, i + i * n);
-    for between in p + 1..i {
-        q.swap(between + p * n, i + between * n);
+    let (left, right) = q.split_at_mut((p + 1) * n);
+    let of_p = &mut left[p * n..];
+    for (between, column) in of_p[p + 1..i].iter_mut().zip(right.chunks_exact_mut(n)) {
+        core::mem::swap(between, &mut column[i]);
     }
-    for below in end..n {
-        q.swap(below + p * n, below + i * n);
-    }
+    of_p[end..].swap_with_slice(&mut right[(i - p - 1) * n + end..(i - p) * n]);
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 pub mod array_constrained;
 mod best_first;
 pub mod decorrelate;
+mod exchange;
 pub mod frame;
 pub mod ldl;
 pub mod length_constrained;

@@ -226,7 +226,7 @@ impl Tree {
         }
         self.stale_from.clear();
         self.stale_from.resize(n, n - 1);
-        self.partial_centers.clear();
+        // All but the outermost are computed before they are read.
         self.partial_centers.resize(n * (n + 1), 0.0);
         for k in 0..n {
             self.partial_centers[n + k * (n + 1)] = self.float[k];
