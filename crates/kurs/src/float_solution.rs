@@ -64,8 +64,7 @@ pub struct FloatSolution {
     pub code_fit: Fit,
     /// Number of satellites with a double-differenced phase.
     pub satellites: usize,
-    /// `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`
-    conditional_normal: DMatrix<f64>,
+    conditional: ConditionalNormal,
     code_right: DVector<f64>,
     code: CodeFloat,
     phases: Vec<Phases>,
@@ -73,6 +72,20 @@ pub struct FloatSolution {
     without_code: bool,
     /// Components of the baselines that were told from outside.
     informed: usize,
+}
+
+/// Normal matrix of the baselines once the integers are known, `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`.
+#[derive(Debug, Clone)]
+struct ConditionalNormal {
+    matrix: DMatrix<f64>,
+    /// Its inverse; `None` if it is singular.
+    covariance_m2: Option<DMatrix<f64>>,
+}
+
+impl ConditionalNormal {
+    fn new(matrix: DMatrix<f64>) -> Self {
+        Self { covariance_m2: well_conditioned_inverse(&matrix), matrix }
+    }
 }
 
 /// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
@@ -201,7 +214,7 @@ impl FloatSolution {
             baseline_of: Vec::new(),
             code_fit: code.fit,
             satellites,
-            conditional_normal,
+            conditional: ConditionalNormal::new(conditional_normal),
             code_right: code.right.clone(),
             code,
             phases,
@@ -268,7 +281,8 @@ impl FloatSolution {
         let mut float = Self { without_code: true, ..self.clone() };
         let scale = CODE_LEFT_OUT * CODE_LEFT_OUT;
         if let Some(code_normal) = well_conditioned_inverse(&self.covariance_m2) {
-            float.conditional_normal -= code_normal * (1.0 - 1.0 / scale);
+            let less = code_normal * (1.0 - 1.0 / scale);
+            float.conditional = ConditionalNormal::new(&self.conditional.matrix - less);
         }
         float.covariance_m2 *= scale;
         float.code_right /= scale;
@@ -292,8 +306,8 @@ impl FloatSolution {
     /// Covariance of the baselines once the integers are known,
     /// `Q_x|a = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹`, m²; `None` if that is singular.
     #[must_use]
-    pub fn conditional_covariance_m2(&self) -> Option<DMatrix<f64>> {
-        well_conditioned_inverse(&self.conditional_normal)
+    pub fn conditional_covariance_m2(&self) -> Option<&DMatrix<f64>> {
+        self.conditional.covariance_m2.as_ref()
     }
 
     /// Ambiguities (cycles) that follow from baselines known to millimetres: close to integers,
@@ -391,43 +405,68 @@ impl FloatSolution {
         self.memory.is_some()
     }
 
-    /// Baselines given integer ambiguities (n, cycles): code and phases together,
-    /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`; `None` if that is singular.
+    /// Baselines given integer ambiguities (n, cycles), code and phases together, and how the phases fit; `None` if
+    /// they are not determined.
     #[must_use]
     pub fn conditional(&self, integers: &[f64]) -> Option<Conditional> {
-        let mut right = self.code_right.clone();
-        let mut ranges_m = Vec::with_capacity(self.phases.len());
-        let mut first = 0;
-        for phases in &self.phases {
-            let count = phases.misclosure_m.len();
-            let range_m = DVector::from_fn(count, |i, _| {
-                phases.misclosure_m[i] - phases.wavelengths_m[i] * integers[first + i]
-            });
-            first += count;
-            let whitened = phases.factor.l_dirty().solve_lower_triangular(&range_m)?;
-            right.gemv_tr(1.0, &phases.whitened_design, &whitened, 1.0);
-            ranges_m.push(range_m);
-        }
-        if let Some(memory) = &self.memory {
-            right = &memory.right - &memory.cross * DVector::from_column_slice(integers);
-        }
-        let covariance_m2 = well_conditioned_inverse(&self.conditional_normal)?;
-        let correction_m = &covariance_m2 * &right;
-
+        let ranges_m = self.ranges_m(integers);
+        let correction_m = self.conditional_correction(integers, &ranges_m)?;
         let mut phase_sum = 0.0;
         let mut residual_squares = 0.0;
-        for (phases, range_m) in self.phases.iter().zip(&ranges_m) {
-            let residual = range_m - &phases.design * &correction_m;
+        for (phases, range_m) in self.phases.iter().zip(ranges_m) {
+            let mut residual = range_m - &phases.design * &correction_m;
             residual_squares += residual.norm_squared();
-            phase_sum += phases.factor.l_dirty().solve_lower_triangular(&residual)?.norm_squared();
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut residual);
+            phase_sum += residual.norm_squared();
         }
-        let unknowns = self.correction_m.len();
+        let (n, unknowns) = (integers.len(), correction_m.len());
         Some(Conditional {
             correction_m,
-            covariance_m2,
-            phase_fit: Fit { sum: phase_sum, degrees_of_freedom: first.saturating_sub(unknowns) },
-            residual_rms_m: (residual_squares / first.max(1) as f64).sqrt(),
+            covariance_m2: self.conditional.covariance_m2.clone()?,
+            phase_fit: Fit { sum: phase_sum, degrees_of_freedom: n.saturating_sub(unknowns) },
+            residual_rms_m: (residual_squares / n.max(1) as f64).sqrt(),
         })
+    }
+
+    /// By how much the weighted squares of the epoch's code grow with these integers.
+    #[must_use]
+    pub fn code_excess_of(&self, integers: &[f64]) -> Option<f64> {
+        let correction_m = self.conditional_correction(integers, &self.ranges_m(integers))?;
+        Some(self.code_excess(&correction_m))
+    }
+
+    /// `y_Φ − Λ z` of each group.
+    fn ranges_m(&self, integers: &[f64]) -> Vec<DVector<f64>> {
+        let mut integers = integers.iter();
+        let of_group = |phases: &Phases| {
+            let mut range_m = phases.misclosure_m.clone();
+            let cycles = phases.wavelengths_m.iter().zip(integers.by_ref());
+            for (range_m, (wavelength_m, z)) in range_m.iter_mut().zip(cycles) {
+                *range_m -= wavelength_m * z;
+            }
+            range_m
+        };
+        self.phases.iter().map(of_group).collect()
+    }
+
+    /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`
+    fn conditional_correction(
+        &self,
+        integers: &[f64],
+        ranges_m: &[DVector<f64>],
+    ) -> Option<DVector<f64>> {
+        let covariance_m2 = self.conditional.covariance_m2.as_ref()?;
+        if let Some(memory) = &self.memory {
+            let right = &memory.right - &memory.cross * DVector::from_column_slice(integers);
+            return Some(covariance_m2 * right);
+        }
+        let mut right = self.code_right.clone();
+        for (phases, range_m) in self.phases.iter().zip(ranges_m) {
+            let mut whitened = range_m.clone();
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
+            right.gemv_tr(1.0, &phases.whitened_design, &whitened, 1.0);
+        }
+        Some(covariance_m2 * right)
     }
 }
 

@@ -277,13 +277,15 @@ impl Estimator {
         let Epoch { float, links, .. } = epoch;
         let proven = || {
             let cycles = |link: &Link| self.witness.proven(link, &self.continuity);
-            float.integers_of(links, cycles).filter(|integers| !integers.is_empty())
+            let integers = float.integers_of(links, cycles)?;
+            let conditional = float.conditional(&integers).filter(|_| !integers.is_empty())?;
+            Some((integers, conditional))
         };
-        let strong = fix.found.as_ref().ok().filter(|_| fix.is_strong() && fix.is_sure());
-        let Some(integers) = strong.map(|found| found.integers.clone()).or_else(proven) else {
-            return;
+        let strong = || {
+            let found = fix.found.as_ref().ok().filter(|_| fix.is_strong() && fix.is_sure())?;
+            Some((found.integers.clone(), fix.conditional.clone()?))
         };
-        let Some(conditional) = float.conditional(&integers) else { return };
+        let Some((integers, conditional)) = strong().or_else(proven) else { return };
         let residuals = float.phase_residuals(links, &integers, &conditional.correction_m);
         let degrees_of_freedom = conditional.phase_fit.degrees_of_freedom;
         let unknowns = conditional.correction_m.len();

@@ -108,9 +108,6 @@ fn squares(float: &FloatSolution, integers: &[i64], cost: f64) -> Squares {
         return Squares { code, phase: cost };
     }
     let integers: Vec<f64> = integers.iter().map(|z| *z as f64).collect();
-    let displaced = float
-        .conditional(&integers)
-        .map_or(0.0, |conditional| float.code_excess(&conditional.correction_m))
-        .min(cost);
+    let displaced = float.code_excess_of(&integers).unwrap_or(0.0).min(cost);
     Squares { code: code + displaced, phase: cost - displaced }
 }

@@ -360,7 +360,10 @@ fn mixed_float(float: &FloatSolution, approximate_m: &DVector<f64>) -> Result<Mi
         ambiguity_covariance: float.ambiguity_covariance.clone(),
         reals_m: approximate_m + &float.correction_m,
         cross_covariance: float.cross_covariance.clone(),
-        conditional_covariance_m2: float.conditional_covariance_m2().ok_or(Reason::WeakModel)?,
+        conditional_covariance_m2: float
+            .conditional_covariance_m2()
+            .cloned()
+            .ok_or(Reason::WeakModel)?,
     })
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Fit, FloatSolution};
+use super::{ConditionalNormal, Fit, FloatSolution};
 
 impl FloatSolution {
     /// The solution with the components `y = Uᵀ x + e` of its corrections `x` (3k) measured, `e ~ N(0, V)`:
@@ -45,8 +45,9 @@ impl FloatSolution {
                 sum: self.code_fit.sum + innovation_m.dot(&weighted),
                 degrees_of_freedom: self.code_fit.degrees_of_freedom + innovation_m.len(),
             },
-            conditional_normal: &self.conditional_normal
-                + directions * v.solve(&directions.transpose()),
+            conditional: ConditionalNormal::new(
+                &self.conditional.matrix + directions * v.solve(&directions.transpose()),
+            ),
             code_right: &self.code_right + right,
             memory,
             informed: self.informed + innovation_m.len(),

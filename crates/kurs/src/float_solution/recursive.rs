@@ -36,7 +36,7 @@ use crate::signal::{Satellite, Signal};
 use crate::time::GpsTime;
 
 use super::information::Information;
-use super::{FloatSolution, Memory, Phases};
+use super::{ConditionalNormal, FloatSolution, Memory, Phases};
 
 /// Correlation time of multipath, s: 0.96 from one second to the next, measured on roofs.
 pub(crate) const CORRELATION_S: f64 = 25.0;
@@ -261,7 +261,7 @@ impl RecursiveFloat {
     ) -> (Information, Vec<Own>) {
         let baselines = self.baseline_unknowns();
         let mut news = Information::nothing(self.information.unknowns());
-        news.matrix.view_mut((0, 0), (baselines, baselines)).copy_from(&epoch.conditional_normal);
+        news.matrix.view_mut((0, 0), (baselines, baselines)).copy_from(&epoch.conditional.matrix);
         news.vector.rows_mut(0, baselines).copy_from(&epoch.code_right);
         let mut own = Vec::with_capacity(epoch.ambiguities_cycles.len());
         for phases in &epoch.phases {
@@ -376,7 +376,7 @@ impl RecursiveFloat {
                 per_metre(i) * per_metre(j) * q[(x + i, x + j)]
             }),
             cross_covariance: DMatrix::from_fn(x, n, |i, j| per_metre(j) * q[(i, x + j)]),
-            conditional_normal: joint.matrix.view((0, 0), (x, x)).clone_owned(),
+            conditional: ConditionalNormal::new(joint.matrix.view((0, 0), (x, x)).clone_owned()),
             memory: Some(Memory {
                 right: joint.vector.rows(0, x).clone_owned(),
                 cross: DMatrix::from_fn(x, n, |i, j| joint.matrix[(i, x + j)] / per_metre(j)),
