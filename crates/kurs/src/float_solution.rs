@@ -19,6 +19,7 @@ pub use code::CodeFloat;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::difference::{Combination, Link, add_common_cycles, covariance, equations, own_links};
+use crate::signal::SatelliteSet;
 
 /// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
 const CODE_LEFT_OUT: f64 = 1e3;
@@ -534,15 +535,11 @@ fn normalise(
 }
 
 fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {
-    let mut satellites: Vec<_> = phases
-        .iter()
-        .flat_map(|p| {
-            p.combinations.iter().flatten().map(|(e, _)| links[p.first_link + e].satellite)
-        })
-        .collect();
-    satellites.sort_unstable();
-    satellites.dedup();
-    satellites.len()
+    let satellites = phases.iter().flat_map(|phases| {
+        let edges = phases.combinations.iter().flatten();
+        edges.map(|(edge, _)| links[phases.first_link + edge].satellite)
+    });
+    satellites.collect::<SatelliteSet>().len()
 }
 
 /// Inverse of a normal matrix, unless its directions differ so much in strength that one of them is

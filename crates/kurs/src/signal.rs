@@ -134,6 +134,43 @@ impl Satellite {
     }
 }
 
+/// A set of satellites.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SatelliteSet([[u128; 2]; System::ALL.len()]);
+
+impl SatelliteSet {
+    /// Adds a satellite; whether it was not there.
+    pub fn insert(&mut self, satellite: Satellite) -> bool {
+        let numbers = &mut self.0[satellite.system as usize][usize::from(satellite.number >> 7)];
+        let bit = 1 << (satellite.number & 127);
+        let is_new = *numbers & bit == 0;
+        *numbers |= bit;
+        is_new
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.iter().flatten().map(|numbers| numbers.count_ones() as usize).sum()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl FromIterator<Satellite> for SatelliteSet {
+    fn from_iter<I: IntoIterator<Item = Satellite>>(satellites: I) -> Self {
+        let mut set = Self::default();
+        for satellite in satellites {
+            set.insert(satellite);
+        }
+        set
+    }
+}
+
 impl Band {
     /// Band `digit` of `system`.
     #[must_use]
@@ -270,6 +307,20 @@ impl FromStr for Signal {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_set_holds_each_satellite_once() {
+        let mut set = SatelliteSet::default();
+        assert!(set.is_empty());
+        for (system, number) in [(System::Gps, 1), (System::Sbas, 127), (System::Sbas, 255)] {
+            assert!(set.insert(Satellite::new(system, number)));
+            assert!(!set.insert(Satellite::new(system, number)));
+        }
+        assert_eq!(set.len(), 3);
+        let all: SatelliteSet =
+            (0..=255).map(|number| Satellite::new(System::Gps, number)).collect();
+        assert_eq!(all.len(), 256);
+    }
 
     #[test]
     fn names_round_trip() {

@@ -8,7 +8,7 @@ use crate::ephemeris::{NavigationData, Transmissions};
 use crate::frames::{Ecef, Vector};
 use crate::observation::ArrayEpoch;
 use crate::point::{self, NoPosition, PointSettings, PointSolution, Tracked, Velocity};
-use crate::signal::SPEED_OF_LIGHT_MPS;
+use crate::signal::{SPEED_OF_LIGHT_MPS, SatelliteSet};
 use crate::sky::Horizon;
 use crate::solution::Reason;
 use crate::time::GpsTime;
@@ -209,11 +209,7 @@ impl Located {
     }
 }
 
-/// The most satellites that any two antennas share (links are sorted by band and satellite, those
-/// with fewer than two antennas are gone).
+/// The most satellites that any two antennas share (links with fewer than two antennas are gone).
 pub(super) fn shared_satellites(links: &[Link]) -> usize {
-    let mut satellites: Vec<_> = links.iter().map(|l| l.satellite).collect();
-    satellites.sort_unstable();
-    satellites.dedup();
-    satellites.len()
+    links.iter().map(|link| link.satellite).collect::<SatelliteSet>().len()
 }

@@ -386,22 +386,22 @@ impl Residuals<'_> {
 
     /// Sums over the bands of each satellite at each antenna.
     fn by_satellite(&self) -> Vec<Together> {
-        let key = |residual: &(usize, f64)| {
-            let link = &self.links[residual.0];
-            (link.antenna, link.satellite)
-        };
-        let mut sorted = self.residuals.to_vec();
-        sorted.sort_by_key(key);
         let limit = MAX_SQUARE.sqrt();
-        let of_satellite = |residuals: &[(usize, f64)]| {
-            let values = || residuals.iter().map(|(_, z)| z.clamp(-limit, limit));
+        let keyed = |(link, z): &(usize, f64)| {
+            let Link { antenna, satellite, .. } = self.links[*link];
+            ((antenna, satellite), z.clamp(-limit, limit))
+        };
+        let mut sorted: Vec<_> = self.residuals.iter().map(keyed).collect();
+        sorted.sort_by_key(|(key, _)| *key);
+        let of_satellite = |residuals: &[((usize, Satellite), f64)]| {
+            let values = || residuals.iter().map(|(_, z)| z);
             Together {
                 bands: residuals.len(),
                 sum: values().sum(),
                 squares: values().map(|z| z * z).sum(),
             }
         };
-        sorted.chunk_by(|a, b| key(a) == key(b)).map(of_satellite).collect()
+        sorted.chunk_by(|a, b| a.0 == b.0).map(of_satellite).collect()
     }
 }
 

@@ -4,6 +4,9 @@ use super::{EphemerisStore, NoEphemeris, SatelliteState, Transmission};
 use crate::signal::Satellite;
 use crate::time::GpsTime;
 
+/// Satellites of all systems above a horizon, which a list has room for at first.
+const USUAL_SATELLITES: usize = 48;
+
 /// States at transmission of the satellites of one epoch. Antennas that are sampled together hear what a satellite sent
 /// within a few milliseconds: its state is moved from one antenna's instant to the other's.
 #[derive(Debug, Clone)]
@@ -24,8 +27,8 @@ struct Evaluated<'a> {
 impl<'a> Transmissions<'a> {
     /// Nothing evaluated yet.
     #[must_use]
-    pub const fn of(store: &'a EphemerisStore) -> Self {
-        Self { store, evaluated: Vec::new(), next: 0 }
+    pub fn of(store: &'a EphemerisStore) -> Self {
+        Self { store, evaluated: Vec::with_capacity(USUAL_SATELLITES), next: 0 }
     }
 
     /// The ephemerides.

@@ -7,13 +7,13 @@
 use std::borrow::Cow;
 
 use kurs::observation::AntennaEpoch;
-use kurs::signal::{Satellite, System};
+use kurs::signal::{Satellite, SatelliteSet, System};
 
 use super::columns::Columns;
 use super::compact::Row;
 use super::epoch_line::{EpochFlag, EpochLine};
 use super::events::EventLog;
-use super::fields::{FIELD, Seen, drop_empty, is_observations, present, put_fields, text_field};
+use super::fields::{FIELD, drop_empty, is_observations, present, put_fields, text_field};
 use super::first_record;
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
@@ -310,7 +310,7 @@ impl EpochReader {
     ) -> Result<(), ReadError> {
         let (mut found, mut repeated) = (0, 0);
         let mut declared_end = None;
-        let mut seen = Seen::default();
+        let mut seen = SatelliteSet::default();
         while self.advance()? {
             let number = self.lines.line_number();
             let line = self.lines.line();
@@ -336,7 +336,7 @@ impl EpochReader {
                 self.damage.note(number, "not the line of a satellite, skipped");
                 continue;
             };
-            if !seen.admit(satellite) {
+            if !seen.insert(satellite) {
                 repeated += 1;
                 let what = "comes twice in one epoch, skipped";
                 self.damage.note_with(number, || format!("{satellite} {what}").into());
@@ -392,7 +392,7 @@ impl EpochReader {
 
     /// RINEX 2: the satellites of an epoch, twelve a line from column 33 on.
     fn read_satellite_list(&mut self, count: usize) -> Result<(), ReadError> {
-        let mut seen = Seen::default();
+        let mut seen = SatelliteSet::default();
         let default = self.header.default_system().letter() as u8;
         loop {
             for place in 0..NAMES_A_LINE {
@@ -404,7 +404,7 @@ impl EpochReader {
                     [b' ', tens, units] => satellite(&[default, tens, units]),
                     _ => satellite(name),
                 };
-                self.satellites.push(name.filter(|satellite| seen.admit(*satellite)));
+                self.satellites.push(name.filter(|satellite| seen.insert(*satellite)));
             }
             let full =
                 self.satellites.len().is_multiple_of(NAMES_A_LINE) && !self.satellites.is_empty();

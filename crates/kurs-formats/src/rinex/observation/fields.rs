@@ -1,7 +1,6 @@
 //! The fields of one satellite, put into its observations.
 
 use kurs::observation::{Lock, Observation};
-use kurs::signal::{Satellite, System};
 
 use super::columns::{Column, Quantity};
 use crate::damage::DamageLog;
@@ -126,19 +125,4 @@ pub(super) fn drop_empty(observations: &mut Vec<Observation>, base: usize) {
         }
     }
     observations.truncate(kept);
-}
-
-/// The satellites that an epoch has had already.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Seen([u128; System::ALL.len()]);
-
-impl Seen {
-    /// Whether the satellite comes for the first time.
-    pub(super) fn admit(&mut self, satellite: Satellite) -> bool {
-        let seen = &mut self.0[satellite.system as usize];
-        let bit = 1_u128 << (satellite.number & 127);
-        let first = *seen & bit == 0;
-        *seen |= bit;
-        first
-    }
 }
