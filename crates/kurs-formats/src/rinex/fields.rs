@@ -3,8 +3,12 @@
 use core::ops::Range;
 
 /// Powers of ten that are exact as `f64`.
-const POWERS_OF_TEN: [f64; 16] =
-    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+const POWERS_OF_TEN: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+    1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+];
+/// So many digits are exact as `f64`.
+const EXACT_DIGITS: usize = 15;
 
 /// The part of `columns` (counted from 0) that the line has.
 pub(crate) fn columns(line: &[u8], columns: Range<usize>) -> &[u8] {
@@ -56,7 +60,7 @@ pub(crate) fn decimal(field: &[u8]) -> Option<f64> {
     let (mut mantissa, mut count, mut decimals, mut point) = (0_u64, 0, 0, false);
     for &byte in digits {
         match byte {
-            b'0'..=b'9' if count < 15 => {
+            b'0'..=b'9' if count < EXACT_DIGITS => {
                 mantissa = mantissa * 10 + u64::from(byte - b'0');
                 count += usize::from(mantissa > 0);
                 decimals += usize::from(point);
@@ -71,7 +75,7 @@ pub(crate) fn decimal(field: &[u8]) -> Option<f64> {
             }
         }
     }
-    if digits.is_empty() || digits == b"." || decimals >= POWERS_OF_TEN.len() {
+    if digits.is_empty() || digits == b"." || decimals > EXACT_DIGITS {
         return None;
     }
     let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
@@ -85,6 +89,9 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
     if text.is_empty() {
         return Some(0.0);
     }
+    if let Some(value) = short_exponential(text) {
+        return Some(value);
+    }
     let mut digits = [0; 32];
     let digits = digits.get_mut(..text.len())?;
     digits.copy_from_slice(text);
@@ -97,6 +104,36 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
         Err(_) => without_letter(text)?,
     };
     value.is_finite().then_some(value)
+}
+
+/// A number of few digits and a small exponent, as nearly all are (`-0.123456789012D-08`): its digits as an integer and
+/// the power of ten are exact, so the product or quotient rounds once. `None` for anything else.
+fn short_exponential(text: &[u8]) -> Option<f64> {
+    let (mut mantissa, mut count, mut decimals) = (0_u64, 0, None);
+    let negative = text[0] == b'-';
+    let mut rest = text.strip_prefix(b"-").unwrap_or(text).iter();
+    let has_exponent = loop {
+        match rest.next() {
+            Some(digit @ b'0'..=b'9') if count < EXACT_DIGITS => {
+                mantissa = mantissa * 10 + u64::from(digit - b'0');
+                count += 1;
+                decimals = decimals.map(|decimals| decimals + 1);
+            }
+            Some(b'.') if decimals.is_none() => decimals = Some(0),
+            Some(b'D' | b'd' | b'E' | b'e') => break true,
+            None => break false,
+            Some(_) => return None,
+        }
+    };
+    let exponent: i32 = match has_exponent {
+        true => core::str::from_utf8(rest.as_slice()).ok()?.parse().ok()?,
+        false => 0,
+    };
+    let power = exponent.checked_sub(decimals.unwrap_or(0)).filter(|_| count > 0)?;
+    let of_ten = POWERS_OF_TEN.get(power.unsigned_abs() as usize)?;
+    let digits = mantissa as f64;
+    let magnitude = if power < 0 { digits / of_ten } else { digits * of_ten };
+    Some(if negative { -magnitude } else { magnitude })
 }
 
 /// FORTRAN leaves the letter out where the exponent has three digits (`0.5-269`).
@@ -242,6 +279,22 @@ mod tests {
     }
 
     proptest! {
+        /// The short way is as exact as the long one.
+        #[test]
+        fn short_numbers_are_the_nearest_doubles(
+            digits in -999_999_999_999_999_i64..1_000_000_000_000_000,
+            decimals in 0_usize..15,
+            exponent in -40_i32..40,
+        ) {
+            let width = decimals + 2;
+            let padded = format!("{:0width$}", digits.abs());
+            let (whole, fraction) = padded.split_at(padded.len() - decimals);
+            let sign = if digits < 0 { "-" } else { "" };
+            let written = format!("{sign}{whole}.{fraction}E{exponent:+03}");
+            let fortran = written.replace('E', "D");
+            prop_assert_eq!(exponential(fortran.as_bytes()), written.parse().ok());
+        }
+
         #[test]
         fn observations_are_read_as_written(thousandths in -999_999_999_999_i64..9_999_999_999_999) {
             let sign = if thousandths < 0 { "-" } else { "" };
