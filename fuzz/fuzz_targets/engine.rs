@@ -11,11 +11,11 @@ mod whole_row;
 
 use std::sync::LazyLock;
 
+use arbitrary::{Arbitrary, Result, Unstructured};
 use kurs::engine::Ambiguities;
 use kurs::float_solution::recursive::Motion;
 use kurs::observation::{ArrayEpoch, Lock};
 use kurs::{AntennaArray, Constraint, Engine, NavigationData, Settings, Vector};
-use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 
 static NAVIGATION: LazyLock<NavigationData> = LazyLock::new(|| {
     recording::navigation(&recording::orbits().expect("a table")).expect("orbits")
