@@ -7,16 +7,17 @@ use std::time::Instant;
 
 use divan::{Bencher, black_box};
 use kurs::ambiguity::{
-    MixedFloat, array_constrained::ArrayConstrained, length_constrained::LengthConstrained,
-    search::IntegerLeastSquares, sphere::Length, sphere_search,
+    MixedFloat, array_constrained::ArrayConstrained, frame::FrameMetric,
+    length_constrained::LengthConstrained, search::IntegerLeastSquares, sphere::Length,
+    sphere_search,
 };
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
 
 #[path = "../src/ambiguity/problems.rs"]
 #[expect(dead_code, reason = "shared with the tests")]
 mod problems;
 
-use problems::{L1_M, L2_M, Noise, Sky, seeded};
+use problems::{L1_M, L2_M, Noise, Sky, normal, seeded};
 
 /// Epochs that a benchmark goes through in turn, so that it sees easy and hard ones.
 const EPOCHS: usize = 500;
@@ -34,6 +35,8 @@ fn main() {
     quantiles("plain search, n = 15", plain(16, WEAK_CODE_M));
     quantiles("length-constrained search, n = 12", with_length(12, WEAK_CODE_M));
     quantiles("array-constrained search, 3 antennas, 8 satellites", of_array(8, WEAK_CODE_M));
+    quantiles("array-constrained search, 4 antennas, 6 satellites", of_space(6, WEAK_CODE_M));
+    nearest_axes();
     divan::main();
 }
 
@@ -99,14 +102,53 @@ fn with_length(n: usize, code_m: f64) -> impl FnMut(usize) -> usize {
 
 /// Three antennas at a right angle, 1 m, one band.
 fn of_array(satellites: usize, code_m: f64) -> impl FnMut(usize) -> usize {
-    let body_m = [Vector3::x(), Vector3::y()];
-    let baselines_m = [Vector3::new(0.6, 0.8, 0.0), Vector3::new(-0.8, 0.6, 0.0)];
+    with_shape(satellites, code_m, [Vector3::x(), Vector3::y()])
+}
+
+/// Four antennas at the corner of a cube of 1 m, one band.
+fn of_space(satellites: usize, code_m: f64) -> impl FnMut(usize) -> usize {
+    with_shape(satellites, code_m, [Vector3::x(), Vector3::y(), Vector3::z()])
+}
+
+fn with_shape<const K: usize>(
+    satellites: usize,
+    code_m: f64,
+    body_m: [Vector3<f64>; K],
+) -> impl FnMut(usize) -> usize {
+    let turned = |b: Vector3<f64>| Vector3::new(0.6 * b.x - 0.8 * b.y, 0.8 * b.x + 0.6 * b.y, b.z);
+    let baselines_m = body_m.map(turned);
     let epochs = epochs(satellites, &[L1_M], code_m, &baselines_m);
     let mut search = ArrayConstrained::default();
+    search.node_budget = 40_000; // as the engine's
     move |turn| {
         let float = epochs[turn % EPOCHS].clone();
-        let _ = black_box(search.solve(float, &[satellites - 1; 2], black_box(&body_m), 0.002, 2));
+        let _ = black_box(search.solve(float, &[satellites - 1; K], black_box(&body_m), 0.002, 2));
         search.nodes()
+    }
+}
+
+/// What the nearest axes take where the bound proves them, and where all rotations have to be searched.
+fn nearest_axes() {
+    let mut random = seeded(101);
+    for (what, noise) in [("near", 0.05), ("far", 1.0)] {
+        let mut times: [Vec<f64>; 2] = Default::default();
+        for _ in 0..EPOCHS {
+            let root = SMatrix::<f64, 9, 9>::from_fn(|_, _| normal(&mut random));
+            let covariance = root * root.transpose() + SMatrix::identity() * 0.1;
+            let metric = FrameMetric::<9, 6>::new(&covariance).expect("positive definite");
+            let vectors = SVector::<f64, 9>::from_fn(|row, _| {
+                f64::from(u8::from(row % 4 == 0)) + noise * normal(&mut random)
+            });
+            let start = Instant::now();
+            let nearest = metric.nearest(black_box(&vectors), SVector::zeros());
+            let time_us = 1e6 * start.elapsed().as_secs_f64();
+            times[usize::from(nearest.expect("axes").is_certified)].push(time_us);
+        }
+        for (how, mut times) in ["searched", "certified"].into_iter().zip(times) {
+            times.sort_by(f64::total_cmp);
+            let middle = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+            println!("axes {what}, {how}: {} times, median {middle:.1} µs", times.len());
+        }
     }
 }
 

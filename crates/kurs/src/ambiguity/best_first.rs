@@ -42,6 +42,11 @@ pub(super) trait Constraint<const P: usize> {
     /// What makes a good start for the bounds of the branches below.
     type Multiplier: Copy;
 
+    /// Work of opening a branch.
+    const BRANCH_WORK: usize;
+    /// Work of a bound that has a start.
+    const BOUND_WORK: usize;
+
     /// Whether the constraint can say more at this level than at those before, see [`informative`].
     fn is_informative(&self, level: usize) -> bool;
 
@@ -53,7 +58,7 @@ pub(super) trait Constraint<const P: usize> {
         start: Option<Self::Multiplier>,
     ) -> (f64, Self::Multiplier);
 
-    /// `min |x̌₀ − x|²_Q₀`, or a better lower bound if that is already above `enough`.
+    /// `min |x̌₀ − x|²_Q₀`, or a better lower bound if that is already above `enough`; and the work of finding it.
     ///
     /// # Errors
     ///
@@ -63,7 +68,7 @@ pub(super) trait Constraint<const P: usize> {
         reals: &SVector<f64, P>,
         multiplier: Self::Multiplier,
         enough: f64,
-    ) -> Result<Cost, AmbiguityError>;
+    ) -> Result<(Cost, usize), AmbiguityError>;
 }
 
 /// For `Q₀ … Qₙ`, the levels at which the reals are better known than at the last such level.
@@ -97,7 +102,7 @@ pub(super) struct Extent {
     pub count: usize,
     /// Candidates that cost more than the best by more than this are not.
     pub horizon: f64,
-    /// Branches opened before [`AmbiguityError::BudgetExceeded`].
+    /// Work before [`AmbiguityError::BudgetExceeded`].
     pub node_budget: usize,
 }
 
@@ -159,24 +164,26 @@ impl<'a, const P: usize> Levels<'a, P> {
 pub(super) struct BestFirst<const P: usize, M> {
     nodes: Vec<Node<P, M>>,
     queue: BinaryHeap<Queued>,
+    work: usize,
 }
 
 impl<const P: usize, M> Default for BestFirst<P, M> {
     fn default() -> Self {
-        Self { nodes: Vec::new(), queue: BinaryHeap::new() }
+        Self { nodes: Vec::new(), queue: BinaryHeap::new(), work: 0 }
     }
 }
 
 impl<const P: usize, M: Copy> BestFirst<P, M> {
     /// The cheapest integers, cheapest first, and what every other vector costs at least.
-    pub(super) fn cheapest(
+    pub(super) fn cheapest<C: Constraint<P, Multiplier = M>>(
         &mut self,
         levels: &Levels<P>,
-        constraint: &mut impl Constraint<P, Multiplier = M>,
+        constraint: &mut C,
         extent: Extent,
     ) -> Result<(Vec<Leaf<P>>, f64), AmbiguityError> {
         self.nodes.clear();
         self.queue.clear();
+        self.work = 0;
         let n = levels.float.len();
         let (bound, multiplier) = constraint.bound(n, &levels.reals, None);
         self.push(Node::root(n, bound, levels.reals, multiplier));
@@ -197,19 +204,23 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
                 {
                     self.ask(constraint, node);
                 }
-                Stage::Unasked | Stage::Children { .. } => self.open(levels, node, bound),
+                Stage::Unasked | Stage::Children { .. } => {
+                    let opened = self.nodes.len();
+                    self.open(levels, node, bound);
+                    self.work += C::BRANCH_WORK * (self.nodes.len() - opened);
+                }
                 Stage::Bounded => self.settle(constraint, node)?,
                 Stage::Settled => leaves.push(self.leaf(levels, node)?),
             }
-            if self.nodes.len() > extent.node_budget {
-                return Err(AmbiguityError::BudgetExceeded { nodes: self.nodes.len() });
+            if self.work > extent.node_budget {
+                return Err(AmbiguityError::BudgetExceeded { nodes: self.work });
             }
         }
     }
 
-    /// Branches that the last search has opened.
-    pub(super) fn opened(&self) -> usize {
-        self.nodes.len()
+    /// Work of the last search.
+    pub(super) fn work(&self) -> usize {
+        self.work
     }
 
     /// What the cheapest waiting branch costs at least.
@@ -218,7 +229,8 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
     }
 
     /// Raises the bound of a node by its constraint.
-    fn ask(&mut self, constraint: &mut impl Constraint<P, Multiplier = M>, index: usize) {
+    fn ask<C: Constraint<P, Multiplier = M>>(&mut self, constraint: &mut C, index: usize) {
+        self.work += C::BOUND_WORK;
         let node = &mut self.nodes[index];
         let (inner, multiplier) = constraint.bound(node.free, &node.reals, Some(node.multiplier));
         node.bound = node.bound.max(node.norm + inner);
@@ -273,7 +285,9 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
     ) -> Result<(), AmbiguityError> {
         let next = self.next_bound();
         let node = &mut self.nodes[index];
-        let inner = match constraint.cost(&node.reals, node.multiplier, next - node.norm)? {
+        let (cost, work) = constraint.cost(&node.reals, node.multiplier, next - node.norm)?;
+        self.work += work;
+        let inner = match cost {
             Cost::Exact(inner) => {
                 node.stage = Stage::Settled;
                 inner

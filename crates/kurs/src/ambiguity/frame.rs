@@ -40,6 +40,17 @@ pub struct FrameMetric<const P: usize, const S: usize> {
     weight: SMatrix<f64, P, P>,
 }
 
+/// The orthonormal axes of least cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Nearest<const P: usize> {
+    /// `f`, right-handed if there are three.
+    pub axes: SVector<f64, P>,
+    /// `c(f̌)`.
+    pub cost: f64,
+    /// Whether the bound proves it; else all rotations were searched.
+    pub is_certified: bool,
+}
+
 /// The bound and its derivatives at one `M`.
 struct Dual<const P: usize, const S: usize> {
     /// `A`, factored.
@@ -98,7 +109,7 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         (found.map_or(0.0, |dual| dual.value.max(0.0)), multipliers)
     }
 
-    /// The orthonormal axes of least cost (right-handed if there are three), and `c(f̌)`.
+    /// The orthonormal axes of least cost.
     ///
     /// # Errors
     ///
@@ -107,7 +118,7 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         &self,
         vectors: &SVector<f64, P>,
         start: SVector<f64, S>,
-    ) -> Result<(SVector<f64, P>, f64), AmbiguityError> {
+    ) -> Result<Nearest<P>, AmbiguityError> {
         let (dual, _) = self.climb(vectors, start, MAX_STEPS);
         let (bound, near) = dual.map_or((0.0, *vectors), |dual| (dual.value, dual.axes));
         let problem = self.attitude_problem(vectors);
@@ -115,12 +126,13 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         let minimum =
             problem.minimum_from(rotation.rotation).map_err(|_| AmbiguityError::NoAttitude)?;
         let (axes, cost) = self.cost_of(vectors, &minimum.rotation);
-        if cost <= bound + CERTIFIED * (1.0 + cost) {
-            return Ok((axes, cost));
+        if cost <= bound + CERTIFIED * (1.0 + cost) || problem.is_certified(&minimum, 0.0) {
+            return Ok(Nearest { axes, cost, is_certified: true });
         }
         let elsewhere = problem.search(minimum).minimum;
         let (other_axes, other_cost) = self.cost_of(vectors, &elsewhere.rotation);
-        Ok(if other_cost < cost { (other_axes, other_cost) } else { (axes, cost) })
+        let (axes, cost) = if other_cost < cost { (other_axes, other_cost) } else { (axes, cost) };
+        Ok(Nearest { axes, cost, is_certified: false })
     }
 
     /// Newton's method on `g`, as far as it climbs; no dual if `A` is not positive definite.
@@ -131,7 +143,9 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         max_steps: usize,
     ) -> (Option<Dual<P, S>>, SVector<f64, S>) {
         let mut multipliers = start;
-        let Some(mut here) = self.dual(vectors, &multipliers) else { return (None, multipliers) };
+        let weighted = self.weight * vectors;
+        let dual = |multipliers: SVector<f64, S>| self.dual(vectors, &weighted, &multipliers);
+        let Some(mut here) = dual(multipliers) else { return (None, multipliers) };
         for _ in 0..max_steps {
             let Some(mut step) = here.newton_step() else { break };
             // Twice what the step can gain: nothing at the top.
@@ -140,7 +154,7 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
             }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
-                let there = self.dual(vectors, &(multipliers + step));
+                let there = dual(multipliers + step);
                 next = there.filter(|there| there.value > here.value);
                 if next.is_some() {
                     break;
@@ -154,7 +168,13 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
         (Some(here), multipliers)
     }
 
-    fn dual(&self, vectors: &SVector<f64, P>, multipliers: &SVector<f64, S>) -> Option<Dual<P, S>> {
+    /// `weighted` is `Q⁻¹ f̌`.
+    fn dual(
+        &self,
+        vectors: &SVector<f64, P>,
+        weighted: &SVector<f64, P>,
+        multipliers: &SVector<f64, S>,
+    ) -> Option<Dual<P, S>> {
         // A = Q⁻¹ + M ⊗ I
         let mut a = self.weight;
         for (s, (i, j)) in conditions::<P>().enumerate() {
@@ -166,14 +186,23 @@ impl<const P: usize, const S: usize> FrameMetric<P, S> {
             }
         }
         let factor = a.cholesky()?;
-        let axes = factor.solve(&(self.weight * vectors));
+        let axes = factor.solve(weighted);
+        // (f̌ − f)ᵀ Q⁻¹ (f̌ − f) = (f̌ − f)ᵀ (M ⊗ I) f, as A f = Q⁻¹ f̌
         let residual = vectors - axes;
-        let mut value = residual.dot(&(self.weight * residual));
+        let mut value = 0.0;
         let mut slopes = SVector::<f64, S>::zeros();
+        let axis = |vector: &SVector<f64, P>, i: usize| vector.fixed_rows::<3>(3 * i).into_owned();
         for (s, (i, j)) in conditions::<P>().enumerate() {
-            let product = axes.fixed_rows::<3>(3 * i).dot(&axes.fixed_rows::<3>(3 * j));
-            slopes[s] = if i == j { product - 1.0 } else { 2.0 * product };
-            value += multipliers[s] * slopes[s];
+            let (f_i, f_j) = (axis(&axes, i), axis(&axes, j));
+            let product = f_i.dot(&f_j);
+            let mut misfit = axis(&residual, i).dot(&f_j);
+            if i == j {
+                slopes[s] = product - 1.0;
+            } else {
+                slopes[s] = 2.0 * product;
+                misfit += axis(&residual, j).dot(&f_i);
+            }
+            value += multipliers[s] * (misfit + slopes[s]);
         }
         value.is_finite().then_some(Dual { factor, axes, slopes, value })
     }
@@ -209,7 +238,9 @@ impl<const P: usize, const S: usize> Dual<P, S> {
                 v[(3 * j + axis, s)] = self.axes[3 * i + axis];
             }
         }
-        let hessian = 2.0 * v.transpose() * self.factor.solve(&v);
+        // A⁻¹ = L⁻ᵀ L⁻¹
+        self.factor.l_dirty().solve_lower_triangular_unchecked_mut(&mut v);
+        let hessian = 2.0 * v.transpose() * v;
         Some(hessian.cholesky()?.solve(&self.slopes))
     }
 }
@@ -256,7 +287,7 @@ mod tests {
                 truth[(row % 3, row / 3)] + noise * normal(&mut random)
             });
             let (bound, multipliers) = metric.bound(&vectors, None);
-            let (axes, cost) = metric.nearest(&vectors, multipliers).unwrap();
+            let Nearest { axes, cost, .. } = metric.nearest(&vectors, multipliers).unwrap();
             let rotation = completed(&axes);
             assert!((rotation.transpose() * rotation - Matrix3::identity()).amax() < 1e-12);
             assert!(rotation.determinant() > 0.0);

@@ -94,7 +94,7 @@ impl LengthConstrained {
     /// Branches that the last call of [`solve`](Self::solve) has opened.
     #[must_use]
     pub fn nodes(&self) -> usize {
-        self.tree.opened()
+        self.tree.work()
     }
 
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
@@ -126,6 +126,8 @@ impl Spheres {
 
 impl Constraint<3> for Spheres {
     type Multiplier = f64;
+    const BRANCH_WORK: usize = 1;
+    const BOUND_WORK: usize = 0;
 
     fn is_informative(&self, level: usize) -> bool {
         self.informative[level]
@@ -145,8 +147,13 @@ impl Constraint<3> for Spheres {
         }
     }
 
-    fn cost(&mut self, reals: &Vector3<f64>, _: f64, _: f64) -> Result<Cost, AmbiguityError> {
-        Ok(Cost::Exact(self.last.cost(reals)))
+    fn cost(
+        &mut self,
+        reals: &Vector3<f64>,
+        _: f64,
+        _: f64,
+    ) -> Result<(Cost, usize), AmbiguityError> {
+        Ok((Cost::Exact(self.last.cost(reals)), 0))
     }
 }
 
