@@ -287,6 +287,22 @@ mod tests {
         assert_eq!(refused.unwrap_err(), AttitudeError::Unobservable);
     }
 
+    /// Six coordinates, two of which the direction takes.
+    #[test]
+    fn a_bent_line_shows_in_the_misfit() {
+        let places = [0.0, 1.0, 2.0].map(|x| Vector::new(x, 0.0, 0.0));
+        let array = AntennaArray::new(places.to_vec()).unwrap();
+        let solved = |across_m: f64| {
+            let baselines = [Vector::<Ned>::new(1.0, 0.0, 0.0), Vector::new(2.0, 0.0, across_m)];
+            solve_direction(&array, &baselines, &shared_noise(2, 0.003)).unwrap()
+        };
+        let (straight, bent) = (solved(0.0), solved(0.01));
+        assert_eq!((straight.degrees_of_freedom, bent.degrees_of_freedom), (4, 4));
+        assert!(straight.chi_squared < 1e-20, "{}", straight.chi_squared);
+        // The second difference x₀ − 2 x₁ + x₂ of three antennas of 3 mm: 10² / (6 · 3²)
+        assert_relative_eq!(bent.chi_squared, 100.0 / 54.0, max_relative = 1e-3);
+    }
+
     #[test]
     fn wrong_covariances_are_refused() {
         let array = roof();
