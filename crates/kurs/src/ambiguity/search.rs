@@ -8,6 +8,7 @@
 
 use nalgebra::DMatrix;
 
+use super::success_rate::bootstrapped_success_rate;
 use super::{AmbiguityError, MAX_CYCLES, decorrelate::Decorrelation};
 
 /// Nodes that a search visits by default before it gives up: some tenths of a second.
@@ -16,6 +17,9 @@ pub const DEFAULT_NODE_BUDGET: usize = 5_000_000;
 /// How much farther than the nearest vector (in squared distance) a rival is looked for by default:
 /// beyond, it is less probable than the nearest one by a factor of `exp(30)`.
 pub const DEFAULT_HORIZON: f64 = 60.0;
+
+/// Success rate above which a model is strong.
+const STRONG: f64 = 0.99;
 
 /// An integer vector and how far it is from the float one.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,6 +50,9 @@ pub fn integer_least_squares(
 pub struct IntegerLeastSquares {
     /// Nodes visited before [`AmbiguityError::BudgetExceeded`].
     pub node_budget: usize,
+    /// The same for each ambiguity of a model whose success rate is above 0.99: its right integers are found at once, and where the
+    /// nearest ones are not, they are too far to be right.
+    pub node_budget_of_strong_models: usize,
     /// Vectors farther than the nearest one by more than this, in squared distance, are not
     /// looked for.
     pub horizon: f64,
@@ -59,6 +66,7 @@ impl Default for IntegerLeastSquares {
     fn default() -> Self {
         Self {
             node_budget: DEFAULT_NODE_BUDGET,
+            node_budget_of_strong_models: DEFAULT_NODE_BUDGET,
             horizon: DEFAULT_HORIZON,
             decorrelation: Decorrelation::default(),
             tree: Tree::default(),
@@ -127,10 +135,16 @@ impl IntegerLeastSquares {
         if count == 0 {
             return Ok((found, 0.0));
         }
+        let success_rate = bootstrapped_success_rate(self.decorrelation.conditional_variances());
+        let node_budget = if success_rate > STRONG {
+            self.node_budget.min(self.node_budget_of_strong_models.saturating_mul(n))
+        } else {
+            self.node_budget
+        };
         let mut radius = f64::INFINITY;
         let mut k = n - 1;
         tree.enter(&self.decorrelation, k, 0.0);
-        while self.nodes < self.node_budget {
+        while self.nodes < node_budget {
             self.nodes += 1;
             let residual = tree.centers[k] - tree.integers[k];
             let norm = tree.norms_above[k] + residual * residual * tree.weights[k];
@@ -158,7 +172,7 @@ impl IntegerLeastSquares {
             }
             tree.next_integer(k);
         }
-        Err(AmbiguityError::BudgetExceeded { nodes: self.node_budget })
+        Err(AmbiguityError::BudgetExceeded { nodes: node_budget })
     }
 }
 

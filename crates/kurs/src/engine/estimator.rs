@@ -216,7 +216,16 @@ impl Estimator {
         let (known, rate) = (self.known(), self.settings.max_wrong_fix_rate);
         let Epoch { float, links, frame, .. } = &epoch;
         let doubt = self.session_fit.doubt();
-        let problem = Problem { float, links, frame, settings: &self.settings, rate, known, doubt };
+        let problem = Problem {
+            float,
+            links,
+            frame,
+            settings: &self.settings,
+            rate,
+            known,
+            doubt,
+            begins_free: false,
+        };
         let mut fix = self.searches.fix(&problem);
         self.learn_phases(&epoch, &fix);
 

@@ -48,6 +48,8 @@ pub(super) struct Fix {
     pub(super) checks: Checks,
     /// What the model promised.
     pub(super) success_rate: Option<f64>,
+    /// And what it promises where nothing is known of the geometry, if that was asked for.
+    pub(super) success_without_constraint: Option<f64>,
 }
 
 impl Fix {
@@ -59,6 +61,7 @@ impl Fix {
             misfit: Fit::default(),
             checks: Checks::default(),
             success_rate: None,
+            success_without_constraint: None,
         }
     }
 
@@ -129,13 +132,14 @@ impl Searches {
         if problem.float.ambiguities_cycles.is_empty() {
             return Fix::none(Reason::NoPhase);
         }
-        match self.find(problem) {
+        let fix = match self.find(problem) {
             Ok(found) => Fix::of(found, problem),
             Err(reason) => {
                 let success_rate = self.predicted_success(problem.settings.constraint);
                 Fix { success_rate, ..Fix::none(reason) }
             }
-        }
+        };
+        Fix { success_without_constraint: self.success_without_constraint(), ..fix }
     }
 
     /// What the model of the last search promised, for one that came to no end.
@@ -163,6 +167,7 @@ impl Fix {
             conditional: Some(conditional),
             found: Ok(found),
             checks,
+            success_without_constraint: None,
         }
     }
 }

@@ -174,7 +174,16 @@ impl Searches {
             return None;
         }
         let informed = predicted.inform(float, frame)?;
-        let problem = Problem { float: &informed, links, frame, settings, rate, known, doubt: 0.0 };
+        let problem = Problem {
+            float: &informed,
+            links,
+            frame,
+            settings,
+            rate,
+            known,
+            doubt: 0.0,
+            begins_free: false,
+        };
         let found = self.with_array(&problem, array).ok()?;
         let alone = probability(float, &found.integers)?;
         if alone < MIN_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < MIN_PLAUSIBLE {

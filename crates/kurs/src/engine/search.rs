@@ -27,6 +27,9 @@ const CANDIDATES: usize = 4;
 const ARRAY_CANDIDATES: usize = 2;
 /// Rivals of an array that cost more than the best by more than this are not looked for.
 const ARRAY_HORIZON: f64 = 30.0;
+/// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers took five at
+/// most, and those that took more than sixteen cost four times their degrees of freedom.
+const STRONG_MODEL_NODES: usize = 64;
 /// Integers of baselines that leave more than this, in cycles, around a triangle of antennas do not
 /// close.
 const MAX_CLOSURE_CYCLES: f64 = 0.25;
@@ -44,6 +47,8 @@ pub(super) struct Problem<'a> {
     pub(super) known: Known,
     /// Probability that the known geometry is not that of the antennas; 0 once that is out of the question.
     pub(super) doubt: f64,
+    /// Whether to look for integers without the constraint first: where none come near, none do with it.
+    pub(super) begins_free: bool,
 }
 
 /// The best integers and how they stand against the others.
@@ -74,6 +79,8 @@ pub(super) struct Searches {
     array: ArrayConstrained,
     code_free: CodeFree,
     budget: WorkBudget,
+    /// Success rate of the last model if nothing is known of the geometry, where that was asked for.
+    success_without_constraint: Option<f64>,
 }
 
 impl Default for Searches {
@@ -81,12 +88,15 @@ impl Default for Searches {
         // Proving that nothing lies far beyond the best takes longer than finding it.
         let mut array = ArrayConstrained::default();
         array.horizon = ARRAY_HORIZON;
+        let mut free = IntegerLeastSquares::default();
+        free.node_budget_of_strong_models = STRONG_MODEL_NODES;
         Self {
-            free: IntegerLeastSquares::default(),
+            free,
             length: LengthConstrained::default(),
             array,
             code_free: CodeFree::default(),
             budget: WorkBudget::default(),
+            success_without_constraint: None,
         }
     }
 }
@@ -102,6 +112,11 @@ impl Searches {
         self.budget.is_spent()
     }
 
+    /// Success rate of the model of the last [`find`](Self::find) if nothing is known of the geometry, where that was asked for.
+    pub(super) fn success_without_constraint(&self) -> Option<f64> {
+        self.success_without_constraint
+    }
+
     /// The most probable integers under the constraint in force; where these are not sure, those that are sure
     /// without it: a right geometry never loses them, and a wrong one shows by the checks that they are going to fail.
     ///
@@ -109,11 +124,15 @@ impl Searches {
     ///
     /// The reason why there are none.
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
-        let found = self.find_constrained(problem);
-        if problem.settings.constraint == Constraint::None {
-            return found;
+        self.success_without_constraint = None;
+        let begins_free = problem.begins_free || problem.settings.constraint == Constraint::None;
+        let free = begins_free.then(|| self.without_constraint(problem)).transpose()?;
+        if let Some(found) = free.filter(|found| {
+            problem.settings.constraint == Constraint::None || problem.is_sure(found)
+        }) {
+            return Ok(found);
         }
-        match found {
+        match self.find_constrained(problem) {
             Ok(mut found) if problem.is_sure(&found) => {
                 if problem.doubt > 0.0 {
                     found.doubt = problem.doubt * self.none_of_them(problem, &found);
@@ -174,9 +193,11 @@ impl Searches {
     fn without_constraint(&mut self, problem: &Problem) -> Result<Found, Reason> {
         let float = problem.float;
         let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
-        let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES)?;
+        let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES);
         let variances = self.free.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
+        self.success_without_constraint = Some(rate);
+        let candidates = candidates?;
         let list: Vec<_> =
             candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
         problem.weigh(float, &list, self.free.proven_to(), rate, 0)

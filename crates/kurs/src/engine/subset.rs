@@ -26,6 +26,8 @@ const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
 const BAD_FIT: f64 = 1e-3;
 /// if those of a part of the epoch fit better than this.
 const GOOD_FIT: f64 = 1e-2;
+/// Models of the whole epoch that are right more often than this without the constraint: they hardly gain by it.
+const STRONG_WITHOUT_CONSTRAINT: f64 = 0.9;
 /// Links that are tried without: those that explain most of the misfit of the best integers.
 const MAX_SUSPECT_LINKS: usize = 3;
 /// A link whose residual is smaller than this is no suspect, standard deviations.
@@ -98,6 +100,13 @@ impl Doubted<'_> {
             }
             (Ok(_), None) => self.fits_badly(),
         }
+    }
+
+    /// Whether parts of the epoch are searched without the constraint first, as it adds little there: the search with all
+    /// antennas takes most of the work, and comes to no end where something is spoilt. One length costs little.
+    fn begins_free(&self) -> bool {
+        let strong = |rate| rate > STRONG_WITHOUT_CONSTRAINT;
+        self.epoch.float.rovers.len() > 1 && self.fix.success_without_constraint.is_some_and(strong)
     }
 
     /// What may be at fault.
@@ -221,7 +230,10 @@ fn fix_without(
     let float = FloatSolution::solve(&links, &groups, frame.reference, &rovers).ok()?;
     let float = if left_out == LeftOut::Code { float.without_code() } else { float };
     let Doubted { settings, known, doubt, .. } = *doubted;
-    let problem = Problem { float: &float, links: &links, frame, settings, rate, known, doubt };
+    // Without code nothing is found without the geometry.
+    let begins_free = doubted.begins_free() && !float.is_without_code();
+    let problem =
+        Problem { float: &float, links: &links, frame, settings, rate, known, doubt, begins_free };
     let fix = searches.fix(&problem);
     Some(Subset { left_out, links, groups, float, fix })
 }
