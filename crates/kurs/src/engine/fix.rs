@@ -48,8 +48,8 @@ pub(super) struct Fix {
     pub(super) checks: Checks,
     /// What the model promised.
     pub(super) success_rate: Option<f64>,
-    /// And what it promises where nothing is known of the geometry, if that was asked for.
-    pub(super) success_without_constraint: Option<f64>,
+    /// [`Searches::is_strong_without_constraint`].
+    pub(super) is_strong_without_constraint: bool,
 }
 
 impl Fix {
@@ -61,7 +61,7 @@ impl Fix {
             misfit: Fit::default(),
             checks: Checks::default(),
             success_rate: None,
-            success_without_constraint: None,
+            is_strong_without_constraint: false,
         }
     }
 
@@ -139,7 +139,7 @@ impl Searches {
                 Fix { success_rate, ..Fix::none(reason) }
             }
         };
-        Fix { success_without_constraint: self.success_without_constraint(), ..fix }
+        Fix { is_strong_without_constraint: self.is_strong_without_constraint(), ..fix }
     }
 
     /// What the model of the last search promised, for one that came to no end.
@@ -167,7 +167,7 @@ impl Fix {
             conditional: Some(conditional),
             found: Ok(found),
             checks,
-            success_without_constraint: None,
+            is_strong_without_constraint: false,
         }
     }
 }

@@ -30,6 +30,8 @@ const ARRAY_HORIZON: f64 = 30.0;
 /// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers took five at
 /// most, and those that took more than sixteen cost four times their degrees of freedom.
 const STRONG_MODEL_NODES: usize = 64;
+/// Models that are right more often than this without the constraint hardly gain by it.
+const STRONG_WITHOUT_CONSTRAINT: f64 = 0.9;
 /// Integers of baselines that leave more than this, in cycles, around a triangle of antennas do not
 /// close.
 const MAX_CLOSURE_CYCLES: f64 = 0.25;
@@ -112,11 +114,6 @@ impl Searches {
         self.budget.is_spent()
     }
 
-    /// Success rate of the model of the last [`find`](Self::find) if nothing is known of the geometry, where that was asked for.
-    pub(super) fn success_without_constraint(&self) -> Option<f64> {
-        self.success_without_constraint
-    }
-
     /// The most probable integers under the constraint in force; where these are not sure, those that are sure
     /// without it: a right geometry never loses them, and a wrong one shows by the checks that they are going to fail.
     ///
@@ -125,25 +122,38 @@ impl Searches {
     /// The reason why there are none.
     pub(super) fn find(&mut self, problem: &Problem) -> Result<Found, Reason> {
         self.success_without_constraint = None;
-        let begins_free = problem.begins_free || problem.settings.constraint == Constraint::None;
-        let free = begins_free.then(|| self.without_constraint(problem)).transpose()?;
-        if let Some(found) = free.filter(|found| {
-            problem.settings.constraint == Constraint::None || problem.is_sure(found)
-        }) {
-            return Ok(found);
+        if problem.settings.constraint == Constraint::None {
+            return self.without_constraint(problem);
         }
-        match self.find_constrained(problem) {
-            Ok(mut found) if problem.is_sure(&found) => {
-                if problem.doubt > 0.0 {
-                    found.doubt = problem.doubt * self.none_of_them(problem, &found);
-                }
-                Ok(found)
-            }
-            unsure => {
-                let free = self.without_constraint(problem).ok();
-                free.filter(|found| problem.is_sure(found)).map_or(unsure, Ok)
+        if problem.begins_free {
+            let free = self.without_constraint(problem)?;
+            if problem.is_sure(&free) {
+                return Ok(free);
             }
         }
+        let mut found = self.find_constrained(problem);
+        let is_sure =
+            |found: &Result<Found, Reason>| found.as_ref().is_ok_and(|f| problem.is_sure(f));
+        if !is_sure(&found) && !problem.begins_free {
+            match self.without_constraint(problem) {
+                Ok(free) if problem.is_sure(&free) => return Ok(free),
+                Err(_) if self.is_strong_without_constraint() => {}
+                _ => found = found.or_else(|reason| self.sure_lengths(problem).ok_or(reason)),
+            }
+        }
+        if is_sure(&found) && problem.doubt > 0.0 {
+            found = found.map(|found| Found {
+                doubt: problem.doubt * self.none_of_them(problem, &found),
+                ..found
+            });
+        }
+        found
+    }
+
+    /// Whether the model of the last [`find`](Self::find) hardly gains by the constraint, as far as that was asked for: integers that
+    /// are not found without it are too far to be right, with it too.
+    pub(super) fn is_strong_without_constraint(&self) -> bool {
+        self.success_without_constraint.is_some_and(|rate| rate > STRONG_WITHOUT_CONSTRAINT)
     }
 
     /// Probability of all other integers if nothing is known of the geometry, over that of those `found` with it: what is
@@ -173,9 +183,7 @@ impl Searches {
             (Constraint::Array, Some(array)) if problem.float.is_without_code() => {
                 self.with_lengths(problem, array)
             }
-            (Constraint::Array, Some(array)) => self
-                .with_array(problem, array)
-                .or_else(|reason| self.sure_lengths(problem, array).ok_or(reason)),
+            (Constraint::Array, Some(array)) => self.with_array(problem, array),
             _ => self.without_constraint(problem),
         }
     }
@@ -257,7 +265,9 @@ impl Searches {
     }
 
     /// Where the search of the array finds no end: integers of each baseline with its length, if they are sure.
-    fn sure_lengths(&mut self, problem: &Problem, array: &AntennaArray) -> Option<Found> {
+    fn sure_lengths(&mut self, problem: &Problem) -> Option<Found> {
+        let is_array = problem.settings.constraint == Constraint::Array;
+        let array = problem.settings.array.as_ref().filter(|_| is_array)?;
         self.with_lengths(problem, array).ok().filter(|found| problem.is_sure(found))
     }
 

@@ -26,8 +26,6 @@ const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
 const BAD_FIT: f64 = 1e-3;
 /// if those of a part of the epoch fit better than this.
 const GOOD_FIT: f64 = 1e-2;
-/// Models of the whole epoch that are right more often than this without the constraint: they hardly gain by it.
-const STRONG_WITHOUT_CONSTRAINT: f64 = 0.9;
 /// Links that are tried without: those that explain most of the misfit of the best integers.
 const MAX_SUSPECT_LINKS: usize = 3;
 /// A link whose residual is smaller than this is no suspect, standard deviations.
@@ -105,8 +103,7 @@ impl Doubted<'_> {
     /// Whether parts of the epoch are searched without the constraint first, as it adds little there: the search with all
     /// antennas takes most of the work, and comes to no end where something is spoilt. One length costs little.
     fn begins_free(&self) -> bool {
-        let strong = |rate| rate > STRONG_WITHOUT_CONSTRAINT;
-        self.epoch.float.rovers.len() > 1 && self.fix.success_without_constraint.is_some_and(strong)
+        self.epoch.float.rovers.len() > 1 && self.fix.is_strong_without_constraint
     }
 
     /// What may be at fault.
