@@ -33,6 +33,7 @@ pub(crate) fn ready(name: &str) -> Scenario {
         "two-bodies" => include_str!("../../../../../scenarios/two-bodies.toml"),
         "edge" => include_str!("../../../../../scenarios/edge.toml"),
         "canopy" => include_str!("../../../../../scenarios/canopy.toml"),
+        "canopy-array" => include_str!("../../../../../scenarios/canopy-array.toml"),
         "street" => include_str!("../../../../../scenarios/street.toml"),
         other => panic!("no scenario {other}"),
     };
