@@ -434,6 +434,23 @@ mod tests {
         positions.iter().map(|&p| Vector3::from(p)).collect()
     }
 
+    /// Where a bound is enough the nearest axes are not looked for.
+    #[test]
+    fn a_bound_that_is_enough_spares_the_cost() {
+        let mut frames = Frames::<6, 3>::new(vec![SMatrix::identity() * 1e-4]).unwrap();
+        // Two axes of which one is too long and both lean to each other.
+        let reals = SVector::<f64, 6>::from([1.1, 0.1, 0.0, 0.1, 1.0, 0.05]);
+        let (bound, multiplier) = frames.bound(0, &reals, None);
+        let (exact, work) = frames.cost(&reals, multiplier, f64::INFINITY).unwrap();
+        let Cost::Exact(exact) = exact else { panic!("{exact:?}") };
+        assert!(0.0 < bound && bound <= exact * (1.0 + 1e-9), "{bound} of {exact}");
+        assert!(work > Frames::<6, 3>::TIGHT_BOUND_WORK, "{work}");
+        let (spared, work) = frames.cost(&reals, multiplier, 0.5 * exact).unwrap();
+        let Cost::AtLeast(least) = spared else { panic!("{spared:?}") };
+        assert!(0.5 * exact < least && least <= exact * (1.0 + 1e-9), "{least} of {exact}");
+        assert_eq!(work, Frames::<6, 3>::TIGHT_BOUND_WORK);
+    }
+
     /// The cost of `integers` by its definition, from the attitude problem of the full baselines.
     fn cost(float: &MixedFloat, integers: &[i64], body_m: &[Vector3<f64>], sd_m: f64) -> f64 {
         let e = DVector::from_fn(integers.len(), |i, _| float.ambiguities[i] - integers[i] as f64);

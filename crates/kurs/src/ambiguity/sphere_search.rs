@@ -490,6 +490,26 @@ mod tests {
         assert!(right >= 8, "{right}");
     }
 
+    /// The work that a search reports is what it needs, and one integer less is too few.
+    #[test]
+    fn the_work_is_counted() {
+        let mut random = seeded(64);
+        let noise = Noise { code_m: 0.3, phase_m: 0.002 };
+        let truth = Vector3::new(0.2, -0.4, 0.1);
+        let epoch = Sky::random(&mut random, 8).epoch(&mut random, &[L1_M], noise, &[truth]);
+        let (model, length) = (epoch.phase_model(), Length { length_m: truth.norm(), sd_m: 0.001 });
+        let search = |mut nodes: usize| {
+            let found = all_in_time(&model, length, 30.0, &mut nodes);
+            (found, nodes)
+        };
+        let (found, left) = search(1_000_000);
+        let (found, used) = (found.unwrap(), 1_000_000 - left);
+        assert!(used > found.len(), "{used}");
+        assert_eq!(search(used + 1), (Ok(found), 1));
+        let (found, left) = search(used - 1);
+        assert_eq!((found, left), (Err(AmbiguityError::BudgetExceeded { nodes: used - 1 }), 0));
+    }
+
     #[test]
     fn a_sphere_too_large_is_refused() {
         let mut random = seeded(63);

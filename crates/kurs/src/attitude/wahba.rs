@@ -283,6 +283,24 @@ mod tests {
         proptest::array::uniform9(-1.0..1.0f64).prop_map(|c| Matrix3::from_row_slice(&c))
     }
 
+    /// Only ratios of the singular values decide whether there is one attitude.
+    #[test]
+    fn the_scale_of_the_weights_does_not_matter() {
+        let matrix = Matrix3::new(3.0, 0.1, 0.0, 0.0, 2.0, 0.2, 0.0, 0.0, 1.0);
+        let expected = davenport_quaternion(&matrix).unwrap();
+        for scale in [1e-9, 1e-3, 1e6] {
+            let found = davenport_quaternion(&(matrix * scale)).unwrap();
+            for (found, expected) in found.iter().zip(&expected) {
+                assert!((found - expected).abs() < 1e-13, "{scale}");
+            }
+        }
+        let line = Matrix3::from_diagonal(&Vector3::new(3.0, 0.0, 0.0));
+        for scale in [1e-9, 1e9] {
+            let found = davenport_quaternion(&(line * scale));
+            assert_eq!(found, Err(AttitudeError::Unobservable), "{scale}");
+        }
+    }
+
     /// Flat arrays give rank two: the answer must be a rotation, never a reflection.
     #[test]
     fn flat_array_gives_no_reflection() {

@@ -607,6 +607,34 @@ mod tests {
         assert_eq!(refusal(good, line), AttitudeError::Unobservable);
     }
 
+    /// A turn that costs nothing is open, whatever the scale of the weights.
+    #[test]
+    fn open_turns_are_refused_at_any_scale() {
+        for scale in [1e-9, 1.0, 1e9] {
+            let diagonal =
+                |c: f64| Matrix3::from_diagonal(&Vector3::new(scale, 2.0 * scale, c * scale));
+            let at = |hessian: Matrix3<f64>| Expansion {
+                cost: 0.0,
+                gradient: scale * Vector3::new(0.1, 0.2, 0.0),
+                information: hessian,
+                hessian,
+            };
+            assert_eq!(damped_step(&at(diagonal(0.0))), Err(AttitudeError::Unobservable));
+            let (step, is_newton) = damped_step(&at(diagonal(-1.0))).unwrap();
+            assert!(!is_newton && step.z.abs() >= 0.1, "{step}");
+            let (step, is_newton) = damped_step(&at(diagonal(1.0))).unwrap();
+            assert!(is_newton && (step + Vector3::new(0.1, 0.1, 0.0)).norm() < 1e-14, "{step}");
+
+            assert_eq!(check_definite(&diagonal(1e-13)), Err(AttitudeError::Unobservable));
+            assert_eq!(check_definite(&diagonal(1e-9)), Ok(()));
+
+            // N⁻¹ on the two axes that N has
+            let (wanted, flat) =
+                (Matrix3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0), diagonal(0.0));
+            assert!((solve_on_range3(&flat, &(flat * wanted)) - wanted).norm() < 1e-14, "{scale}");
+        }
+    }
+
     /// From a maximum, where the gradient vanishes, the way down is found.
     #[test]
     fn a_maximum_does_not_hold_the_iteration() {
