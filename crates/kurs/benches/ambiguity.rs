@@ -119,11 +119,11 @@ fn with_shape<const K: usize>(
     let baselines_m = body_m.map(turned);
     let epochs = epochs(satellites, &[L1_M], code_m, &baselines_m);
     let mut search = ArrayConstrained::default();
-    search.node_budget = 40_000; // as the engine's
+    search.work_budget = 20_000; // as the engine's
     move |turn| {
         let float = epochs[turn % EPOCHS].clone();
         let _ = black_box(search.solve(float, &[satellites - 1; K], black_box(&body_m), 0.002, 2));
-        search.nodes()
+        search.work()
     }
 }
 

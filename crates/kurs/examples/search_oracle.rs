@@ -59,7 +59,7 @@ fn main() {
 fn compare_every(part: usize, epochs: usize, fixed_length_m: Option<f64>) -> [Count; 5] {
     let mut line = LengthConstrained::default();
     let mut array = ArrayConstrained::default();
-    (line.node_budget, array.node_budget) = (NODE_BUDGET, NODE_BUDGET);
+    (line.node_budget, array.work_budget) = (NODE_BUDGET, NODE_BUDGET);
     let mut counts = [Count::default(); 5];
     for epoch_number in (part..epochs).step_by(THREADS) {
         let mut random = seeded(epoch_number as u64);

@@ -144,7 +144,7 @@ impl Model {
             let mut random = seeded(2026 + 100 * number as u64 + satellites as u64);
             let mut row = Row::default();
             row.length.node_budget = NODE_BUDGET;
-            row.array.node_budget = NODE_BUDGET;
+            row.array.work_budget = NODE_BUDGET;
             for _ in 0..epochs {
                 let sky = Sky::random(&mut random, satellites);
                 let rotation = random_attitude(&mut random);

@@ -52,27 +52,27 @@ pub struct ArrayCandidate {
 #[derive(Debug, Clone)]
 pub struct ArrayConstrained {
     /// Work before [`AmbiguityError::BudgetExceeded`], in branches of two axes that could be opened.
-    pub node_budget: usize,
+    pub work_budget: usize,
     /// Vectors that cost more than the best by more than this are not looked for.
     pub horizon: f64,
     decorrelation: Decorrelation,
     line: LengthConstrained,
     plane: BestFirst<6, SVector<f64, 3>>,
     space: BestFirst<9, SVector<f64, 6>>,
-    nodes: usize,
+    work: usize,
     proven_to: f64,
 }
 
 impl Default for ArrayConstrained {
     fn default() -> Self {
         Self {
-            node_budget: DEFAULT_WORK_BUDGET,
+            work_budget: DEFAULT_WORK_BUDGET,
             horizon: DEFAULT_HORIZON,
             decorrelation: Decorrelation::default(),
             line: LengthConstrained::default(),
             plane: BestFirst::default(),
             space: BestFirst::default(),
-            nodes: 0,
+            work: 0,
             proven_to: f64::NAN,
         }
     }
@@ -98,27 +98,27 @@ impl ArrayConstrained {
         array_sd_m: f64,
         count: usize,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
-        self.nodes = 0;
+        self.work = 0;
         let shape = Shape::new(body_m)?;
         let softened = softened(float, body_m.len(), array_sd_m)?;
         let (axes_float, misfit) = shape.reduced(softened)?;
         let mut candidates = match shape.dimension() {
             1 => {
                 let found = self.on_a_line(&axes_float, &shape, count);
-                self.nodes = self.line.nodes() * LINE_BRANCH_WORK;
+                self.work = self.line.nodes() * LINE_BRANCH_WORK;
                 found
             }
             2 => {
                 let mut tree = std::mem::take(&mut self.plane);
                 let found = self.with_frame(&axes_float, &shape, ambiguities_of, count, &mut tree);
-                self.nodes = tree.work();
+                self.work = tree.work();
                 self.plane = tree;
                 found
             }
             _ => {
                 let mut tree = std::mem::take(&mut self.space);
                 let found = self.with_frame(&axes_float, &shape, ambiguities_of, count, &mut tree);
-                self.nodes = tree.work();
+                self.work = tree.work();
                 self.space = tree;
                 found
             }
@@ -139,8 +139,8 @@ impl ArrayConstrained {
 
     /// Work of the last call of [`solve`](Self::solve), in branches of two axes.
     #[must_use]
-    pub fn nodes(&self) -> usize {
-        self.nodes
+    pub fn work(&self) -> usize {
+        self.work
     }
 
     /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
@@ -156,7 +156,7 @@ impl ArrayConstrained {
         shape: &Shape,
         count: usize,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
-        self.line.node_budget = self.node_budget / LINE_BRANCH_WORK;
+        self.line.node_budget = self.work_budget / LINE_BRANCH_WORK;
         self.line.horizon = self.horizon;
         let unit = Length { length_m: 1.0, sd_m: 0.0 };
         let found = self.line.solve(float, unit, count)?;
@@ -184,7 +184,7 @@ impl ArrayConstrained {
         let levels = Levels::<P>::new(&self.decorrelation, float)?;
         let conditional = float.conditional_covariance_m2.fixed_view::<P, P>(0, 0).into_owned();
         let mut frames = Frames::<P, S>::new(levels.covariances(conditional).collect())?;
-        let extent = Extent { count, horizon: self.horizon, node_budget: self.node_budget };
+        let extent = Extent { count, horizon: self.horizon, work_budget: self.work_budget };
         let (leaves, proven_to) = tree.cheapest(&levels, &mut frames, extent)?;
         self.proven_to = proven_to;
         leaves

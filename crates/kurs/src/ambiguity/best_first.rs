@@ -103,7 +103,7 @@ pub(super) struct Extent {
     /// Candidates that cost more than the best by more than this are not.
     pub horizon: f64,
     /// Work before [`AmbiguityError::BudgetExceeded`].
-    pub node_budget: usize,
+    pub work_budget: usize,
 }
 
 /// Integers found, and the reals that go with them before the constraint.
@@ -212,7 +212,7 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
                 Stage::Bounded => self.settle(constraint, node)?,
                 Stage::Settled => leaves.push(self.leaf(levels, node)?),
             }
-            if self.work > extent.node_budget {
+            if self.work > extent.work_budget {
                 return Err(AmbiguityError::BudgetExceeded { nodes: self.work });
             }
         }

@@ -322,7 +322,7 @@ mod tests {
     fn the_search_of_an_array_finds_the_same() {
         let mut random = seeded(70);
         let mut search = ArrayConstrained::default();
-        search.node_budget = 20_000;
+        search.work_budget = 20_000;
         let (mut candidates, mut ended) = (0, 0);
         for case in 0..60 {
             let comparison = compare(&mut random, &mut search, 3 + case % 2);

@@ -73,7 +73,7 @@ impl LengthConstrained {
         let conditional: Matrix3<f64> =
             float.conditional_covariance_m2.fixed_view::<3, 3>(0, 0).into();
         let mut spheres = Spheres::new(levels.covariances(conditional).collect(), length)?;
-        let extent = Extent { count, horizon: self.horizon, node_budget: self.node_budget };
+        let extent = Extent { count, horizon: self.horizon, work_budget: self.node_budget };
         let (leaves, proven_to) = self.tree.cheapest(&levels, &mut spheres, extent)?;
         self.proven_to = proven_to;
         let candidates = leaves.into_iter().map(|leaf| LengthCandidate {

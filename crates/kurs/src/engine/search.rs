@@ -243,9 +243,9 @@ impl Searches {
             .collect();
         let mixed = reordered(mixed_float(float, &problem.frame.approximate())?, &order);
         let array_sd_m = problem.settings.array_sd_m;
-        self.array.node_budget = self.budget.nodes(Search::Array)?;
+        self.array.work_budget = self.budget.nodes(Search::Array)?;
         let found = self.array.solve(mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES);
-        self.budget.spend(Search::Array, self.array.nodes(), order.len());
+        self.budget.spend(Search::Array, self.array.work(), order.len());
         let candidates = found.map_err(reason)?;
         let variances = self.array.decorrelation().conditional_variances();
         let rate = bootstrapped_success_rate(variances);
