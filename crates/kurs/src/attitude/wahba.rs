@@ -268,9 +268,8 @@ pub fn davenport_quaternion(matrix: &Matrix3<f64>) -> Result<[f64; 4], AttitudeE
     if largest - next <= 2.0 * UNIQUE_RATIO * largest.abs() {
         return Err(AttitudeError::Unobservable);
     }
-    let q = eigen.eigenvectors.column(order[0]);
-    let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
-    Ok([q[0] * sign, q[1] * sign, q[2] * sign, q[3] * sign])
+    let q = eigen.eigenvectors.column(order[0]).into_owned();
+    Ok(if q[0] < 0.0 { -q } else { q }.into())
 }
 
 #[cfg(test)]

@@ -339,7 +339,9 @@ impl Searches {
         } else {
             let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
             let mixed = mixed_float(float, &stacked_m)?;
-            self.length.node_budget = self.budget.nodes(Search::Length)?;
+            // All baselines together may take what one search may.
+            let baselines = problem.float.rovers.len();
+            self.length.node_budget = self.budget.nodes(Search::Length)? / baselines;
             let found = self.length.solve(&mixed, length, CANDIDATES);
             let ambiguities = float.ambiguities_cycles.len();
             self.budget.spend(Search::Length, self.length.nodes(), ambiguities);

@@ -1,21 +1,22 @@
 //! One budget for all searches of an epoch, in counted work and never in seconds: the same input gives the same rows
 //! on any machine.
 //!
-//! A node of each search and the model of a search (float solution, decorrelation: `n³` for `n` ambiguities) count as what
-//! they take on the reference machine. A search may open as many nodes as a quarter of what is left allows, the one over the
-//! sphere three quarters: an epoch whose integers find no end still has its trials without a suspect, and they have an end
-//! together.
+//! A node of each search and its model count as what they take on the reference machine. A search may open as many nodes as
+//! a quarter of what is left allows, the one over the sphere three quarters: an epoch whose integers find no end still has its
+//! trials without a suspect, and they have an end together.
 
 use crate::solution::Reason;
 
-/// What the searches of an epoch may take together. What is not counted, the float solutions of the trials above all, makes
-/// the worst epoch of four antennas, 30 satellites and two bands under branches take 20 to 26 ms
-/// (`cargo run --release -p kurs-sim --example epoch_cost scenarios/canopy-array.toml 600`).
-const EPOCH_NS: u64 = 16_000_000;
+/// What the searches of an epoch may take together. With what is not counted the worst epoch of four antennas, 30 satellites and
+/// two bands under branches takes 15 to 19 ms (`cargo run --release -p kurs-sim --example epoch_cost scenarios/canopy-array.toml 600`).
+const EPOCH_NS: u64 = 13_000_000;
 /// Below, no further search is begun.
 const MIN_NS: u64 = EPOCH_NS / 32;
-/// Of the float solution and the decorrelation, for each ambiguity to the third power.
-const MODEL_NS: f64 = 0.4;
+/// Of the decorrelation, for each ambiguity to the third power.
+const DECORRELATION_NS: f64 = 0.4;
+/// Of what a trial takes beside its search (float and fixed solution, checks), for each ambiguity to the second power: so much
+/// that the worst epoch above keeps below 20 ms.
+const TRIAL_NS: f64 = 20.0;
 
 /// The searches, each with nodes of its own price.
 #[derive(Debug, Clone, Copy)]
@@ -90,8 +91,9 @@ impl WorkBudget {
 
     /// Takes off what a search with so many ambiguities has taken.
     pub(super) fn spend(&mut self, search: Search, nodes: usize, ambiguities: usize) {
+        let n = ambiguities as f64;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // some milliseconds
-        let model_ns = (MODEL_NS * (ambiguities as f64).powi(3)) as u64;
+        let model_ns = (TRIAL_NS * n.powi(2) + DECORRELATION_NS * n.powi(3)) as u64;
         let nodes_ns = (nodes as u64).saturating_mul(search.node_ns());
         self.left_ns = self.left_ns.saturating_sub(model_ns.saturating_add(nodes_ns));
     }
@@ -122,7 +124,7 @@ mod tests {
             budget.spend(Search::Free, 0, 120);
             Some(())
         });
-        // 0.69 ms each
-        assert_eq!(trials.count(), 23);
+        // 0.98 ms each
+        assert_eq!(trials.count(), 13);
     }
 }
