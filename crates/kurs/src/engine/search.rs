@@ -131,23 +131,27 @@ impl Searches {
                 return Ok(free);
             }
         }
-        let mut found = self.find_constrained(problem);
-        let is_sure =
-            |found: &Result<Found, Reason>| found.as_ref().is_ok_and(|f| problem.is_sure(f));
-        if !is_sure(&found) && !problem.begins_free {
-            match self.without_constraint(problem) {
-                Ok(free) if problem.is_sure(&free) => return Ok(free),
-                Err(_) if self.is_strong_without_constraint() => {}
-                _ => found = found.or_else(|reason| self.sure_lengths(problem).ok_or(reason)),
-            }
+        let unsure = match self.find_constrained(problem) {
+            Ok(found) if problem.is_sure(&found) => return Ok(self.with_doubt(problem, found)),
+            unsure if problem.begins_free => return unsure,
+            unsure => unsure,
+        };
+        match self.without_constraint(problem) {
+            Ok(free) if problem.is_sure(&free) => Ok(free),
+            Err(_) if self.is_strong_without_constraint() => unsure,
+            _ => unsure.or_else(|reason| {
+                let found = self.sure_lengths(problem).ok_or(reason)?;
+                Ok(self.with_doubt(problem, found))
+            }),
         }
-        if is_sure(&found) && problem.doubt > 0.0 {
-            found = found.map(|found| Found {
-                doubt: problem.doubt * self.none_of_them(problem, &found),
-                ..found
-            });
+    }
+
+    /// Integers that the geometry makes sure, with the probability that it is wrong as long as that is not out of the question.
+    fn with_doubt(&mut self, problem: &Problem, found: Found) -> Found {
+        if problem.doubt == 0.0 {
+            return found;
         }
-        found
+        Found { doubt: problem.doubt * self.none_of_them(problem, &found), ..found }
     }
 
     /// Whether the model of the last [`find`](Self::find) hardly gains by the constraint, as far as that was asked for: integers that
