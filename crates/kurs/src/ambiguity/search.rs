@@ -60,6 +60,7 @@ pub struct IntegerLeastSquares {
     tree: Tree,
     nodes: usize,
     proven_to: f64,
+    success_rate: f64,
 }
 
 impl Default for IntegerLeastSquares {
@@ -72,6 +73,7 @@ impl Default for IntegerLeastSquares {
             tree: Tree::default(),
             nodes: 0,
             proven_to: f64::NAN,
+            success_rate: 0.0,
         }
     }
 }
@@ -92,6 +94,7 @@ impl IntegerLeastSquares {
     ) -> Result<Vec<Candidate>, AmbiguityError> {
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
         self.decorrelation.compute(covariance)?;
+        self.success_rate = bootstrapped_success_rate(self.decorrelation.conditional_variances());
         self.tree.prepare(&self.decorrelation, &fraction);
         let (leaves, radius) = self.nearest(count)?;
         self.proven_to = radius;
@@ -120,7 +123,13 @@ impl IntegerLeastSquares {
         self.nodes
     }
 
-    /// The decorrelation of the last call of [`solve`](Self::solve), for its success rate.
+    /// How often the model of the last call of [`solve`](Self::solve) gives the right integers: bootstrapped.
+    #[must_use]
+    pub fn success_rate(&self) -> f64 {
+        self.success_rate
+    }
+
+    /// The decorrelation of the last call of [`solve`](Self::solve).
     #[must_use]
     pub fn decorrelation(&self) -> &Decorrelation {
         &self.decorrelation
@@ -135,8 +144,7 @@ impl IntegerLeastSquares {
         if count == 0 {
             return Ok((found, 0.0));
         }
-        let success_rate = bootstrapped_success_rate(self.decorrelation.conditional_variances());
-        let node_budget = if success_rate > STRONG {
+        let node_budget = if self.success_rate > STRONG {
             self.node_budget.min(self.node_budget_of_strong_models.saturating_mul(n))
         } else {
             self.node_budget

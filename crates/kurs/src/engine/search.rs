@@ -176,7 +176,7 @@ impl Searches {
         let others = free.iter().map(|c| (c.integers.as_slice(), c.squared_distance));
         let others = others.filter(|(z, _)| *z != found.0);
         let others = likelihood.others(float, others, self.free.proven_to(), found);
-        others * bootstrapped_success_rate(self.free.decorrelation().conditional_variances())
+        others * self.free.success_rate()
     }
 
     /// The most probable integers, if the geometry is right.
@@ -206,8 +206,7 @@ impl Searches {
         let float = problem.float;
         let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
         let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES);
-        let variances = self.free.decorrelation().conditional_variances();
-        let rate = bootstrapped_success_rate(variances);
+        let rate = self.free.success_rate();
         self.success_without_constraint = Some(rate);
         let candidates = candidates?;
         let list: Vec<_> =
