@@ -185,8 +185,9 @@ proptest! {
         other.antennas.rotate_left(turn);
         body.antennas_m.rotate_left(turn);
         let other = engine(told(&body), &world).push(&other);
-        // The point of linearisation is another antenna's.
-        prop_assert!(differ(&row, &other) < 1e-5, "{}", differ(&row, &other));
+        // The velocity that brings all antennas to one instant is another antenna's: centimetres a second in some tenths of a
+        // millisecond, over a metre.
+        prop_assert!(differ(&row, &other) < 3e-5, "{}", differ(&row, &other));
     }
 
     /// Turned about the Earth's axis with all satellites, antennas measure what they measured, and the
