@@ -236,6 +236,7 @@ fn first_baseline(float: &MixedFloat) -> MixedFloat {
         ambiguities: DVector::from(float.ambiguities.rows(0, n)),
         ambiguity_covariance: block(&float.ambiguity_covariance, n, n),
         reals_m: DVector::from(float.reals_m.rows(0, 3)),
+        real_covariance_m2: block(&float.real_covariance_m2, 3, 3),
         cross_covariance: block(&float.cross_covariance, 3, n),
         conditional_covariance_m2: block(&float.conditional_covariance_m2, 3, 3),
     }

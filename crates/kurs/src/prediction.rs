@@ -173,6 +173,7 @@ pub fn baseline_float(sights: &[Sight]) -> Option<MixedFloat> {
         ambiguity_covariance: phase_covariance
             + &geometry * baseline_covariance * geometry.transpose(),
         reals_m: DVector::zeros(3),
+        real_covariance_m2: DMatrix::from_fn(3, 3, |i, j| baseline_covariance[(i, j)]),
         cross_covariance: DMatrix::from_fn(3, count, |i, j| cross[(i, j)]),
         conditional_covariance_m2: DMatrix::from_fn(3, 3, |i, j| conditional[(i, j)]),
     })
@@ -225,6 +226,7 @@ pub fn array_constrained_success_rate(
         ambiguities: DVector::zeros(count * of_one.ambiguities.len()),
         ambiguity_covariance: shared.kronecker(&of_one.ambiguity_covariance),
         reals_m: DVector::zeros(3 * count),
+        real_covariance_m2: shared.kronecker(&of_one.real_covariance_m2),
         cross_covariance: shared.kronecker(&of_one.cross_covariance),
         conditional_covariance_m2: shared.kronecker(&of_one.conditional_covariance_m2),
     };

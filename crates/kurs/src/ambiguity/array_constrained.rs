@@ -180,7 +180,8 @@ impl ArrayConstrained {
         count: usize,
         tree: &mut BestFirst<P, SVector<f64, S>>,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
-        self.decorrelation.compute_in_blocks(&float.ambiguity_covariance, ambiguities_of)?;
+        let covariance = &float.ambiguity_covariance;
+        self.decorrelation.compute_in_blocks(covariance, ambiguities_of, self.horizon)?;
         let levels = Levels::<P>::new(&self.decorrelation, float)?;
         let conditional = float.conditional_covariance_m2.fixed_view::<P, P>(0, 0).into_owned();
         let mut frames = Frames::<P, S>::new(levels.covariances(conditional).collect())?;
@@ -337,6 +338,9 @@ impl Shape {
             ambiguities: float.ambiguities,
             ambiguity_covariance: float.ambiguity_covariance,
             reals_m: &axes_from_baselines * float.reals_m,
+            real_covariance_m2: &axes_from_baselines
+                * float.real_covariance_m2
+                * axes_from_baselines.transpose(),
             cross_covariance: &axes_from_baselines * float.cross_covariance,
             conditional_covariance_m2: conditional,
         };
@@ -350,7 +354,7 @@ impl Shape {
     /// ```
     fn with_linear_conditions(
         &self,
-        float: MixedFloat,
+        mut float: MixedFloat,
     ) -> Result<(MixedFloat, f64), AmbiguityError> {
         let g = &self.coordinates_m;
         let (r, k) = g.shape();
@@ -364,30 +368,25 @@ impl Shape {
             DMatrix::from_fn(k - r, k, |row, column| eigen.eigenvectors[(column, order[row])]);
         let conditions = null.kronecker(&Matrix3::<f64>::identity());
 
-        // Q_x = Q_x|a + Q_xa Q_a⁻¹ Q_xaᵀ
-        let cross = &float.cross_covariance;
-        let explained = cross * cholesky(&float.ambiguity_covariance)?.solve(&cross.transpose());
-        let q_x = &float.conditional_covariance_m2 + explained;
         let discrepancy = &conditions * &float.reals_m;
-        let q_discrepancy = cholesky(&(&conditions * &q_x * conditions.transpose()))?;
+        let condition_reals = &conditions * &float.real_covariance_m2;
+        let condition_cross = &conditions * &float.cross_covariance;
+        let q_discrepancy = cholesky(&(&condition_reals * conditions.transpose()))?;
         let misfit = discrepancy.dot(&q_discrepancy.solve(&discrepancy));
 
-        let condition_cross = &conditions * cross;
+        let x_gain = q_discrepancy.solve(&condition_reals).transpose();
         let a_gain = q_discrepancy.solve(&condition_cross).transpose();
-        let x_gain = q_discrepancy.solve(&(&conditions * &q_x)).transpose();
-        let conditioned = MixedFloat {
-            ambiguities: &float.ambiguities - &a_gain * &discrepancy,
-            ambiguity_covariance: &float.ambiguity_covariance - &a_gain * &condition_cross,
-            reals_m: &float.reals_m - &x_gain * &discrepancy,
-            cross_covariance: cross - &x_gain * &condition_cross,
-            conditional_covariance_m2: float.conditional_covariance_m2.clone(),
-        };
-        Ok((conditioned, misfit))
+        float.reals_m -= &x_gain * &discrepancy;
+        float.ambiguities -= &a_gain * &discrepancy;
+        float.real_covariance_m2.gemm(-1.0, &x_gain, &condition_reals, 1.0);
+        float.cross_covariance.gemm(-1.0, &x_gain, &condition_cross, 1.0);
+        float.ambiguity_covariance.gemm(-1.0, &a_gain, &condition_cross, 1.0);
+        Ok((float, misfit))
     }
 }
 
-/// Adds what the surveyed antenna positions are uncertain by: `Q_x|a + s² (I + 11ᵀ) ⊗ I`, for
-/// antenna 0 is in every baseline.
+/// Adds what the surveyed antenna positions are uncertain by, `s² (I + 11ᵀ) ⊗ I` for antenna 0 is in every baseline, to
+/// `Q_x` and `Q_x|a`.
 fn softened(
     mut float: MixedFloat,
     baselines: usize,
@@ -400,6 +399,7 @@ fn softened(
     }
     let shared = DMatrix::from_fn(baselines, baselines, |i, j| if i == j { 2.0 } else { 1.0 });
     let survey = shared.kronecker(&Matrix3::<f64>::identity()) * array_sd_m.powi(2);
+    float.real_covariance_m2 += &survey;
     float.conditional_covariance_m2 += survey;
     Ok(float)
 }

@@ -4,6 +4,8 @@
 //! decorrelation goes from the last pair of ambiguities to the first and never far back, so nearly all of these columns
 //! are not looked at for long: they hear of the exchanges when their turn comes, [`STRIP`] of them at a time.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
 
 /// So many columns hear of the exchanges to their right together.
@@ -35,6 +37,8 @@ impl Turn {
 pub(super) struct Exchanges {
     /// Of all exchanges, in their order.
     turns: Vec<Turn>,
+    /// The rows that they turned.
+    turned: Range<usize>,
     /// Columns from here on have heard of them.
     heard_from: usize,
     /// Row by row, the columns that hear.
@@ -45,6 +49,7 @@ impl Exchanges {
     /// Nothing has been exchanged in an `L` of dimension `n`.
     pub(super) fn begin(&mut self, n: usize) {
         self.turns.clear();
+        self.turned = n..n;
         self.heard_from = n / STRIP * STRIP;
     }
 
@@ -61,9 +66,10 @@ impl Exchanges {
         let (n, end) = (lower.nrows(), self.heard_from);
         self.heard_from -= STRIP;
         let columns = &mut lower.as_mut_slice()[self.heard_from * n..end * n];
+        let turned = self.turned.clone();
         self.strip.resize(n, [0.0; STRIP]);
         for (lane, column) in columns.chunks_exact(n).enumerate() {
-            for (row, entry) in self.strip[end..].iter_mut().zip(&column[end..]) {
+            for (row, entry) in self.strip[turned.clone()].iter_mut().zip(&column[turned.clone()]) {
                 row[lane] = *entry;
             }
         }
@@ -75,7 +81,7 @@ impl Exchanges {
             rows[1] = turned.map(|[_, lower]| lower);
         }
         for (lane, column) in columns.chunks_exact_mut(n).enumerate() {
-            for (row, entry) in self.strip[end..].iter().zip(&mut column[end..]) {
+            for (row, entry) in self.strip[turned.clone()].iter().zip(&mut column[turned.clone()]) {
                 *entry = row[lane];
             }
         }
@@ -105,6 +111,7 @@ impl Exchanges {
             [rows[0], rows[1]] = turn.of(rows[0], rows[1]);
         }
         self.turns.push(turn);
+        self.turned = self.turned.start.min(k)..self.turned.end.max(k + 2);
         q[k + 1 + k * n] = lambda;
         let (left, right) = q.split_at_mut((k + 1) * n);
         left[k * n + k + 2..].swap_with_slice(&mut right[k + 2..n]);

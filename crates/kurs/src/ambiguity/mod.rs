@@ -99,6 +99,8 @@ pub struct MixedFloat {
     pub ambiguity_covariance: DMatrix<f64>,
     /// `x̂`, `p`, metres.
     pub reals_m: DVector<f64>,
+    /// `Q_x`, `p × p`, metres².
+    pub real_covariance_m2: DMatrix<f64>,
     /// `Q_xa`, `p × n`, metre cycles.
     pub cross_covariance: DMatrix<f64>,
     /// `Q_x|a`, `p × p`, metres²: covariance of the reals once the integers are known.
@@ -106,7 +108,7 @@ pub struct MixedFloat {
 }
 
 impl MixedFloat {
-    /// From the joint covariance, with `Q_x` in place of `Q_x|a`.
+    /// From the joint covariance, which says what `Q_x|a` is.
     ///
     /// # Errors
     ///
@@ -121,7 +123,8 @@ impl MixedFloat {
         let mut joint = Self {
             ambiguities,
             ambiguity_covariance,
-            conditional_covariance_m2: real_covariance_m2,
+            conditional_covariance_m2: real_covariance_m2.clone(),
+            real_covariance_m2,
             cross_covariance,
             reals_m,
         };
@@ -153,6 +156,8 @@ impl MixedFloat {
         expect("the vector of reals", self.reals_m.len(), reals)?;
         expect("the cross covariance (rows)", self.cross_covariance.nrows(), reals)?;
         expect("the cross covariance (columns)", self.cross_covariance.ncols(), n)?;
+        expect("the covariance of the reals (rows)", self.real_covariance_m2.nrows(), reals)?;
+        expect("the covariance of the reals (columns)", self.real_covariance_m2.ncols(), reals)?;
         expect("the conditional covariance (rows)", self.conditional_covariance_m2.nrows(), reals)?;
         expect(
             "the conditional covariance (columns)",
@@ -162,6 +167,7 @@ impl MixedFloat {
         let all = self
             .reals_m
             .iter()
+            .chain(&self.real_covariance_m2)
             .chain(&self.cross_covariance)
             .chain(&self.conditional_covariance_m2);
         for value in all {

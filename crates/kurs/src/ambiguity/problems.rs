@@ -184,6 +184,7 @@ impl Sky {
                 ambiguities,
                 ambiguity_covariance,
                 reals_m,
+                real_covariance_m2: q_b.clone(),
                 cross_covariance,
                 conditional_covariance_m2,
             },

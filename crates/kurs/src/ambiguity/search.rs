@@ -6,7 +6,7 @@
 //! estimates are kept per level, after Ghasemmehdi & Agrell (2011), *Faster recursions in sphere
 //! decoding*.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVectorView};
 
 use super::success_rate::bootstrapped_success_rate;
 use super::{AmbiguityError, MAX_CYCLES, decorrelate::Decorrelation};
@@ -93,7 +93,7 @@ impl IntegerLeastSquares {
         count: usize,
     ) -> Result<Vec<Candidate>, AmbiguityError> {
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
-        self.decorrelation.compute(covariance)?;
+        self.decorrelation.compute_in_blocks(covariance, &[covariance.nrows()], self.horizon)?;
         self.success_rate = bootstrapped_success_rate(self.decorrelation.conditional_variances());
         self.tree.prepare(&self.decorrelation, &fraction);
         let (leaves, radius) = self.nearest(count)?;
@@ -226,7 +226,8 @@ struct Tree {
     norms_above: Vec<f64>,
     /// `ẑₖ − Σⱼ lⱼₖ wⱼ` over `j >= i`, at `i + k (n + 1)`; `cₖ` is the one of `i = k + 1`.
     partial_centers: Vec<f64>,
-    /// Highest level whose residual has changed since the partial centers of `k` were computed.
+    /// Highest level whose residual has changed since the partial centers of `k` were computed; `n` before its first visit,
+    /// which most levels of a strong model have no second one after and which needs no partial centers.
     stale_from: Vec<usize>,
 }
 
@@ -247,7 +248,7 @@ impl Tree {
             values.resize(n, 0.0);
         }
         self.stale_from.clear();
-        self.stale_from.resize(n, n - 1);
+        self.stale_from.resize(n, n);
         // All but the outermost are computed before they are read.
         self.partial_centers.resize(n * (n + 1), 0.0);
         for k in 0..n {
@@ -261,17 +262,20 @@ impl Tree {
         // cₖ = ẑₖ − Σᵢ lᵢₖ wᵢ      for i > k
         let column = &decorrelation.lower().as_slice()[k * n..(k + 1) * n];
         let partial = &mut self.partial_centers[k * (n + 1)..(k + 1) * (n + 1)];
-        if k + 1 < n {
-            let stale_from = self.stale_from[k].max(k + 1);
+        let stale_from = self.stale_from[k].max(k + 1);
+        let center = if stale_from == n {
+            self.stale_from[k] = n - 1;
+            self.float[k] - dot(&column[k + 1..], &self.residuals[k + 1..])
+        } else {
             for i in (k + 1..=stale_from).rev() {
                 partial[i] = partial[i + 1] - column[i] * self.residuals[i];
             }
             self.stale_from[k] = k + 1;
-            if k > 0 {
-                self.stale_from[k - 1] = self.stale_from[k - 1].max(stale_from);
-            }
+            partial[k + 1]
+        };
+        if k > 0 {
+            self.stale_from[k - 1] = self.stale_from[k - 1].max(stale_from);
         }
-        let center = partial[k + 1];
         self.norms_above[k] = norm_above;
         self.centers[k] = center;
         self.integers[k] = center.round();
@@ -292,6 +296,11 @@ impl Tree {
         let integers = self.integers.iter().map(|&z| z as i64).collect();
         Leaf { integers, squared_distance }
     }
+}
+
+/// `aᵀ b` of vectors of one length, in several sums at a time.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, b.len()))
 }
 
 /// A complete vector of decorrelated integers.

@@ -83,6 +83,8 @@ pub(super) struct Searches {
     budget: WorkBudget,
     /// Success rate of the last model if nothing is known of the geometry, where that was asked for.
     success_without_constraint: Option<f64>,
+    /// Ambiguities of the last model that was weak without the constraint.
+    weak_ambiguities: usize,
 }
 
 impl Default for Searches {
@@ -99,6 +101,7 @@ impl Default for Searches {
             code_free: CodeFree::default(),
             budget: WorkBudget::default(),
             success_without_constraint: None,
+            weak_ambiguities: 0,
         }
     }
 }
@@ -125,10 +128,12 @@ impl Searches {
         if problem.settings.constraint == Constraint::None {
             return self.without_constraint(problem);
         }
-        if problem.begins_free {
-            let free = self.without_constraint(problem)?;
-            if problem.is_sure(&free) {
-                return Ok(free);
+        let mut free = None;
+        if problem.begins_free || self.is_likely_strong(problem.float) {
+            match self.without_constraint(problem) {
+                Ok(found) if problem.is_sure(&found) => return Ok(found),
+                Err(reason) if problem.begins_free => return Err(reason),
+                unsure => free = Some(unsure),
             }
         }
         let unsure = match self.find_constrained(problem) {
@@ -136,7 +141,7 @@ impl Searches {
             unsure if problem.begins_free => return unsure,
             unsure => unsure,
         };
-        match self.without_constraint(problem) {
+        match free.unwrap_or_else(|| self.without_constraint(problem)) {
             Ok(free) if problem.is_sure(&free) => Ok(free),
             Err(_) if self.is_strong_without_constraint() => unsure,
             _ => unsure.or_else(|reason| {
@@ -144,6 +149,12 @@ impl Searches {
                 Ok(self.with_doubt(problem, found))
             }),
         }
+    }
+
+    /// Whether nothing need be known of the geometry of so many antennas: it is not so in a model of which as many ambiguities
+    /// were weak before.
+    fn is_likely_strong(&self, float: &FloatSolution) -> bool {
+        float.rovers.len() > 1 && float.ambiguities_cycles.len() > self.weak_ambiguities
     }
 
     /// Integers that the geometry makes sure, with the probability that it is wrong as long as that is not out of the question.
@@ -208,6 +219,9 @@ impl Searches {
         let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES);
         let rate = self.free.success_rate();
         self.success_without_constraint = Some(rate);
+        if !self.is_strong_without_constraint() {
+            self.weak_ambiguities = ambiguities.len();
+        }
         let candidates = candidates?;
         let list: Vec<_> =
             candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
@@ -244,7 +258,7 @@ impl Searches {
         let ambiguities_of: Vec<usize> = (0..body_m.len())
             .map(|block| float.baseline_of.iter().filter(|b| **b == block).count())
             .collect();
-        let mixed = reordered(mixed_float(float, &problem.frame.approximate())?, &order);
+        let mixed = mixed_float(float, &problem.frame.approximate(), &order)?;
         let array_sd_m = problem.settings.array_sd_m;
         self.array.work_budget = self.budget.nodes(Search::Array)?;
         let found = self.array.solve(mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES);
@@ -341,7 +355,8 @@ impl Searches {
             (candidates, proven_to, self.code_free.decorrelation())
         } else {
             let stacked_m = DVector::from_column_slice(approximate_m.as_slice());
-            let mixed = mixed_float(float, &stacked_m)?;
+            let as_they_are: Vec<usize> = (0..float.ambiguities_cycles.len()).collect();
+            let mixed = mixed_float(float, &stacked_m, &as_they_are)?;
             // All baselines together may take what one search may.
             let baselines = problem.float.rovers.len();
             self.length.node_budget = self.budget.nodes(Search::Length)? / baselines;
@@ -389,33 +404,24 @@ impl Problem<'_> {
     }
 }
 
-/// The float solution in the form that the constrained searches take.
-fn mixed_float(float: &FloatSolution, approximate_m: &DVector<f64>) -> Result<MixedFloat, Reason> {
+/// The float solution in the form that the constrained searches take, its ambiguities in this order.
+fn mixed_float(
+    float: &FloatSolution,
+    approximate_m: &DVector<f64>,
+    order: &[usize],
+) -> Result<MixedFloat, Reason> {
+    let (n, covariance) = (order.len(), &float.ambiguity_covariance);
     Ok(MixedFloat {
-        ambiguities: float.ambiguities_cycles.clone(),
-        ambiguity_covariance: float.ambiguity_covariance.clone(),
+        ambiguities: float.ambiguities_cycles.select_rows(order),
+        ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| covariance[(order[i], order[j])]),
         reals_m: approximate_m + &float.correction_m,
-        cross_covariance: float.cross_covariance.clone(),
+        real_covariance_m2: float.covariance_m2.clone(),
+        cross_covariance: float.cross_covariance.select_columns(order),
         conditional_covariance_m2: float
             .conditional_covariance_m2()
             .cloned()
             .ok_or(Reason::WeakModel)?,
     })
-}
-
-/// The float solution with its ambiguities in another order.
-fn reordered(mixed: MixedFloat, order: &[usize]) -> MixedFloat {
-    if order.is_sorted() {
-        return mixed;
-    }
-    let n = order.len();
-    let (covariance, cross) = (&mixed.ambiguity_covariance, &mixed.cross_covariance);
-    MixedFloat {
-        ambiguities: mixed.ambiguities.select_rows(order),
-        ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| covariance[(order[i], order[j])]),
-        cross_covariance: cross.select_columns(order),
-        ..mixed
-    }
 }
 
 #[allow(clippy::cast_possible_truncation)] // integers already

@@ -23,8 +23,8 @@ const SYSTEMS: usize = System::ALL.len();
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
 /// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
-/// 25 nm after a metre.
-const CONVERGED_M: f64 = 1.0;
+/// 2.5 µm after ten metres, as far as code leads away from the last epoch's position.
+const CONVERGED_M: f64 = 10.0;
 /// After a step below this the position is near enough (some tens of metres) for directions, weights
 /// and atmosphere to mean something.
 const ROUGH_M: f64 = 1e5;
