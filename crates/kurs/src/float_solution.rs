@@ -253,11 +253,11 @@ impl FloatSolution {
         let mut first = 0;
         for phases in &self.phases {
             let count = phases.misclosure_m.len();
-            for i in 0..count {
-                for j in 0..count {
-                    self.ambiguity_covariance[(first + i, first + j)] += phases.covariance_m2
-                        [(i, j)]
-                        / (phases.wavelengths_m[i] * phases.wavelengths_m[j]);
+            let per_metre = phases.wavelengths_m.map(|wavelength_m| 1.0 / wavelength_m);
+            for j in 0..count {
+                for i in 0..count {
+                    self.ambiguity_covariance[(first + i, first + j)] +=
+                        phases.covariance_m2[(i, j)] * (per_metre[i] * per_metre[j]);
                 }
             }
             first += count;

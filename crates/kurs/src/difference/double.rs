@@ -115,30 +115,37 @@ fn grow(
     }
 }
 
-/// How many independent double differences links have that are sorted by satellite: links − antennas − satellites +
-/// connected parts.
+/// How many independent double differences there are of values of links, each with its antenna and satellite and those of a
+/// satellite together, and how many are not zero: `v = c + d` with the term `c` of the antenna and `d` of the satellite does not
+/// hold for so many links beyond those of a spanning forest.
 #[must_use]
-pub fn loops(links: &[(usize, Satellite)]) -> usize {
-    // The antenna that stands for the part of each antenna that was seen.
-    let mut part_of: SmallVec<[Option<usize>; 16]> = SmallVec::new();
-    let mut satellites = 0;
-    for of_satellite in links.chunk_by(|a, b| a.1 == b.1) {
-        satellites += 1;
-        let first = of_satellite[0].0;
-        for &(antenna, _) in of_satellite {
-            part_of.resize(part_of.len().max(antenna + 1).max(first + 1), None);
-            let own = *part_of[antenna].get_or_insert(antenna);
-            let joined = *part_of[first].get_or_insert(first);
-            part_of
-                .iter_mut()
-                .filter(|part| **part == Some(own))
-                .for_each(|part| *part = Some(joined));
+pub fn loops(values: &[(usize, Satellite, f64)]) -> (usize, usize) {
+    // Of each antenna that was seen: the antenna that stands for its part of the graph, and c.
+    let mut terms: SmallVec<[Option<(usize, f64)>; 16]> = SmallVec::new();
+    let (mut all, mut open) = (0, 0);
+    for of_satellite in values.chunk_by(|a, b| a.1 == b.1) {
+        let (first, _, value) = of_satellite[0];
+        let last = of_satellite.iter().map(|(antenna, ..)| *antenna).max().unwrap_or(first);
+        terms.resize(terms.len().max(last + 1), None);
+        let (part, c) = *terms[first].get_or_insert((first, 0.0));
+        let d = value - c;
+        for &(antenna, _, value) in &of_satellite[1..] {
+            match terms[antenna] {
+                None => terms[antenna] = Some((part, value - d)),
+                Some((own, c)) if own == part => {
+                    all += 1;
+                    open += usize::from(value != c + d);
+                }
+                // Two parts become one.
+                Some((own, c)) => {
+                    for (other, other_c) in terms.iter_mut().flatten().filter(|t| t.0 == own) {
+                        (*other, *other_c) = (part, *other_c + (value - d - c));
+                    }
+                }
+            }
         }
     }
-    let antennas = part_of.iter().flatten().count();
-    let parts =
-        part_of.iter().enumerate().filter(|(antenna, part)| **part == Some(*antenna)).count();
-    links.len() + parts - antennas - satellites
+    (all, open)
 }
 
 fn link_minus(edge: usize, other: &Combination) -> Combination {
@@ -348,7 +355,10 @@ mod tests {
         /// Whatever is seen: every combination is free of clocks, and their number is that of the
         /// independent loops of the graph.
         #[test]
-        fn combinations_are_clock_free_and_independent(seen in proptest::collection::vec(any::<bool>(), 40)) {
+        fn combinations_are_clock_free_and_independent(
+            seen in proptest::collection::vec(any::<bool>(), 40),
+            slipped in 0usize..40,
+        ) {
             let links: Vec<Link> = (0..40)
                 .filter(|i| seen[*i])
                 .map(|i| link(i % 4, u8::try_from(i / 4).unwrap()))
@@ -370,8 +380,16 @@ mod tests {
             }
             let rank = if links.is_empty() { 0 } else { clocks.rank(1e-9) };
             prop_assert_eq!(rows.len(), links.len() - rank);
-            let ends: Vec<_> = links.iter().map(|l| (l.antenna, l.satellite)).collect();
-            prop_assert_eq!(loops(&ends), rows.len());
+            // Terms of antennas and satellites close all loops, a slip opens those that it is in.
+            let cycles = |(i, l): (usize, &Link)| {
+                let slip = u8::from(i == slipped);
+                (l.antenna, l.satellite, f64::from(slip) + l.code_m.unwrap().round())
+            };
+            let values: Vec<_> = links.iter().enumerate().map(cycles).collect();
+            let (all, open) = loops(&values);
+            prop_assert_eq!(all, rows.len());
+            let is_in_a_loop = rows.iter().flatten().any(|(edge, _)| *edge == slipped);
+            prop_assert_eq!(open > 0, is_in_a_loop);
         }
     }
 }

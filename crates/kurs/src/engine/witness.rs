@@ -14,7 +14,7 @@
 use std::ops::Range;
 
 use crate::cycle_slip::Continuity;
-use crate::difference::{Link, combinations, loops};
+use crate::difference::{Link, loops};
 use crate::signal::{Satellite, Signal};
 
 /// Double differences that two epochs must have in common to testify to each other: three determine a
@@ -111,24 +111,17 @@ impl Claim<'_> {
         without: Option<(usize, Satellite)>,
     ) -> (usize, usize) {
         let (mut common, mut different) = (0, 0);
-        let mut ends = Vec::new();
+        let mut values = Vec::with_capacity(self.links.len());
         for group in self.groups {
             let of_group = self.links[group.clone()].iter().zip(&departures[group.clone()]);
-            let of_group = of_group
-                .filter(|(link, _)| without != Some((link.antenna, link.satellite)))
-                .filter_map(|(link, departure)| Some((link, (*departure)?)));
-            if of_group.clone().all(|(_, departure)| departure == 0.0) {
-                ends.clear();
-                ends.extend(of_group.map(|(link, _)| (link.antenna, link.satellite)));
-                common += loops(&ends);
-                continue;
-            }
-            let (links, departures): (Vec<Link>, Vec<f64>) = of_group.map(|(l, d)| (*l, d)).unzip();
-            for row in combinations(&links, |_| true) {
-                let sum: f64 = row.iter().map(|(link, sign)| sign * departures[*link]).sum();
-                common += 1;
-                different += usize::from(sum != 0.0);
-            }
+            values.clear();
+            values.extend(
+                of_group
+                    .filter(|(link, _)| without != Some((link.antenna, link.satellite)))
+                    .filter_map(|(l, departure)| Some((l.antenna, l.satellite, (*departure)?))),
+            );
+            let (all, open) = loops(&values);
+            (common, different) = (common + all, different + open);
         }
         (common, different)
     }
