@@ -8,8 +8,8 @@ use crate::baseline::Baselines;
 use crate::cycle_slip::Continuity;
 use crate::difference::Link;
 use crate::ephemeris::NavigationData;
-use crate::float_solution::Fit;
 use crate::float_solution::recursive::RecursiveFloat;
+use crate::float_solution::{Fit, FloatSolution};
 use crate::frames::{Attitude, Body, Ned, Rotation};
 use crate::glonass_ifb::GlonassIfb;
 use crate::link_noise::LinkNoise;
@@ -267,17 +267,39 @@ impl Estimator {
     fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix, without_mixed: Option<Fit>) {
         let Ok(found) = &fix.found else { return };
         let without_mixed = without_mixed.filter(|_| !fix.is_accepted());
+        let is_carried_and_unsure = epoch.float.is_recursive() && !fix.is_sure();
         let misfit = if let Some(misfit) = without_mixed {
             misfit
-        } else if epoch.float.is_recursive() && !fix.is_sure() {
-            return;
+        } else if is_carried_and_unsure {
+            let Some(misfit) = self.misfit_alone(epoch) else { return };
+            misfit
         } else if epoch.float.is_recursive() {
             let (baselines, _) = fix.baselines(epoch);
             self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
         } else {
             found.misfit
         };
-        self.session_fit.take(misfit, self.levels.weight_of_squares(), epoch.time);
+        let weight = self.levels.weight_of_squares();
+        self.session_fit.take(misfit, weight, epoch.time, is_carried_and_unsure);
+    }
+
+    /// What the best integers of an epoch by itself cost, with what is known of the geometry.
+    fn misfit_alone(&mut self, epoch: &Epoch) -> Option<Fit> {
+        let Epoch { float, links, groups, frame, .. } = epoch;
+        let float = FloatSolution::solve(links, groups, float.reference, &float.rovers).ok()?;
+        let (settings, known) = (&self.settings, self.known());
+        let rate = settings.max_wrong_fix_rate;
+        let problem = Problem {
+            float: &float,
+            links,
+            frame,
+            settings,
+            rate,
+            known,
+            doubt: 0.0,
+            begins_free: false,
+        };
+        self.searches.find_constrained(&problem).ok().map(|found| found.misfit)
     }
 
     /// The phase levels learn from integers that nobody chose because they fit: those of a strong model, and

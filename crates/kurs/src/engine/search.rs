@@ -191,7 +191,7 @@ impl Searches {
     }
 
     /// The most probable integers, if the geometry is right.
-    fn find_constrained(&mut self, problem: &Problem) -> Result<Found, Reason> {
+    pub(super) fn find_constrained(&mut self, problem: &Problem) -> Result<Found, Reason> {
         match (problem.settings.constraint, &problem.settings.array) {
             (Constraint::Length, Some(array)) => self.with_lengths(problem, array),
             // Without code the search of the array has no end; the checks come after.
