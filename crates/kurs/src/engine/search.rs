@@ -83,7 +83,7 @@ pub(super) struct Searches {
     budget: WorkBudget,
     /// Success rate of the last model if nothing is known of the geometry, where that was asked for.
     success_without_constraint: Option<f64>,
-    /// Ambiguities of the last model that was weak without the constraint.
+    /// Ambiguities of a model that was weak without the constraint: with more it has not been.
     weak_ambiguities: usize,
 }
 
@@ -151,8 +151,8 @@ impl Searches {
         }
     }
 
-    /// Whether nothing need be known of the geometry of so many antennas: it is not so in a model of which as many ambiguities
-    /// were weak before.
+    /// Whether nothing need be known of the geometry: three antennas and more have enough ambiguities of their own, unless a model
+    /// with as many was weak before.
     fn is_likely_strong(&self, float: &FloatSolution) -> bool {
         float.rovers.len() > 1 && float.ambiguities_cycles.len() > self.weak_ambiguities
     }
@@ -219,9 +219,12 @@ impl Searches {
         let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES);
         let rate = self.free.success_rate();
         self.success_without_constraint = Some(rate);
-        if !self.is_strong_without_constraint() {
-            self.weak_ambiguities = ambiguities.len();
-        }
+        self.weak_ambiguities = match ambiguities.len() {
+            strong if self.is_strong_without_constraint() => {
+                self.weak_ambiguities.min(strong.saturating_sub(1))
+            }
+            weak => weak,
+        };
         let candidates = candidates?;
         let list: Vec<_> =
             candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
