@@ -8,6 +8,7 @@ pub mod damage;
 mod dilution;
 mod epoch_order;
 mod fields;
+pub mod fingerprint;
 pub mod geoid;
 mod json;
 pub mod logs;

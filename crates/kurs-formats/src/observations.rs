@@ -12,6 +12,7 @@ use kurs::time::GpsTime;
 
 use crate::content::Content;
 use crate::damage::Damage;
+use crate::fingerprint::Fingerprint;
 use crate::logs::start::{self, Start};
 use crate::logs::{LogOptions, LogReader, Protocol};
 use crate::rinex::observation::{EventLog, ObservationHeader, ObservationReader};
@@ -223,6 +224,15 @@ impl ObservationSource {
         match self {
             Self::Rinex(reader) => reader.bytes_read(),
             Self::Log(reader) => reader.bytes_read(),
+        }
+    }
+
+    /// What the file holds, once it was read to its end.
+    #[must_use]
+    pub fn fingerprint(&self) -> Option<Fingerprint> {
+        match self {
+            Self::Rinex(reader) => reader.fingerprint(),
+            Self::Log(reader) => reader.fingerprint(),
         }
     }
 }

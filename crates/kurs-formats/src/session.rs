@@ -9,6 +9,7 @@ use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use crate::damage::Damage;
+use crate::fingerprint::Fingerprint;
 use crate::logs::LogOptions;
 use crate::observations::ObservationSource;
 use crate::source::{ReadError, can_be_read_again};
@@ -36,6 +37,8 @@ pub struct SessionReader {
     damage_count: u64,
     /// Of the files that are behind.
     bytes_read: u64,
+    /// Of the files that are behind, by name.
+    fingerprints: Vec<(String, Fingerprint)>,
 }
 
 /// Damage with the file that it is in.
@@ -86,6 +89,7 @@ impl SessionReader {
             damage: Vec::new(),
             damage_count: 0,
             bytes_read: 0,
+            fingerprints: Vec::new(),
         })
     }
 
@@ -108,6 +112,7 @@ impl SessionReader {
                 self.damage = self.damage();
                 self.damage_count = self.damage_count();
                 self.bytes_read = self.bytes_read();
+                self.fingerprints = self.fingerprints();
                 self.current = ObservationSource::open_with(path, &self.options)?;
                 self.current.keep_systems(|system| self.wanted[system as usize]);
             } else if self.last.is_none_or(|last| epoch.time > last) {
@@ -155,6 +160,13 @@ impl SessionReader {
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
         self.bytes_read + self.current.bytes_read()
+    }
+
+    /// What the files hold that were read to their ends, by name.
+    #[must_use]
+    pub fn fingerprints(&self) -> Vec<(String, Fingerprint)> {
+        let current = self.current.fingerprint().map(|f| (self.current.name().to_owned(), f));
+        self.fingerprints.iter().cloned().chain(current).collect()
     }
 
     /// What was skipped so far, with the name of the file.

@@ -7,12 +7,12 @@
 use std::fs::File;
 use std::io::{self, BufRead, Read};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use flate2::read::MultiGzDecoder;
 
 use crate::compress;
+use crate::fingerprint::{Fingerprint, Passed};
 
 /// Why a file cannot be read (further).
 #[derive(Debug, thiserror::Error)]
@@ -58,8 +58,8 @@ pub enum ReadError {
 pub struct Source {
     name: String,
     input: Box<dyn Read + Send>,
-    /// Bytes that came from outside, packed as they are there.
-    bytes_read: Arc<AtomicU64>,
+    /// What came from outside, packed as it is there.
+    passed: Arc<Mutex<Passed>>,
     inflating: bool,
     buffer: Box<[u8]>,
     /// Unread bytes: `buffer[next..filled]`.
@@ -76,16 +76,18 @@ pub struct Source {
     line_held: bool,
 }
 
-/// Passes on what it reads, and counts it.
-struct Counted<R> {
+/// Passes on what it reads, and takes note of it.
+struct Noted<R> {
     input: R,
-    bytes: Arc<AtomicU64>,
+    passed: Arc<Mutex<Passed>>,
 }
 
-impl<R: Read> Read for Counted<R> {
+impl<R: Read> Read for Noted<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.input.read(buffer)?;
-        self.bytes.fetch_add(count as u64, Ordering::Relaxed);
+        if !buffer.is_empty() {
+            self.passed.lock().unwrap_or_else(PoisonError::into_inner).take(&buffer[..count]);
+        }
         Ok(count)
     }
 }
@@ -135,11 +137,11 @@ impl Source {
         input: impl Read + Send + 'static,
         name: impl Into<String>,
     ) -> Result<Self, ReadError> {
-        let bytes_read = Arc::<AtomicU64>::default();
+        let passed = Arc::<Mutex<Passed>>::default();
         let mut source = Self {
             name: name.into(),
-            input: Box::new(Counted { input, bytes: Arc::clone(&bytes_read) }),
-            bytes_read,
+            input: Box::new(Noted { input, passed: Arc::clone(&passed) }),
+            passed,
             inflating: false,
             buffer: vec![0; Self::BUFFER_SIZE].into_boxed_slice(),
             next: 0,
@@ -199,7 +201,13 @@ impl Source {
     /// Bytes that were read so far, as they stand in the file: of a packed one, packed.
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
-        self.bytes_read.load(Ordering::Relaxed)
+        self.passed.lock().unwrap_or_else(PoisonError::into_inner).size()
+    }
+
+    /// What the file holds, once it was read to its end.
+    #[must_use]
+    pub fn fingerprint(&self) -> Option<Fingerprint> {
+        self.passed.lock().unwrap_or_else(PoisonError::into_inner).whole()
     }
 
     /// At least `length` bytes from here on, fewer if the input ends before (at most

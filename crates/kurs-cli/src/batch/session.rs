@@ -59,7 +59,7 @@ impl SessionPlan {
     }
 
     fn solve(&self) -> anyhow::Result<()> {
-        let hash = match self.session.load().map(|session| session.identity()) {
+        let hash = match self.session.load().map(|session| session.identity(&[])) {
             Ok(identity) => configuration_hash(&identity),
             Err(error) => {
                 // An older result is not one of these inputs.

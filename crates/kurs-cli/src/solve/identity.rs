@@ -1,43 +1,23 @@
 //! What a result depends on, as one text: two runs with the same one have the same rows.
 
 use std::fmt::Write as _;
-use std::fs::File;
-use std::hash::Hasher;
-use std::io::{BufRead, BufReader};
-use std::path::Path;
 
-use twox_hash::XxHash3_64;
+use kurs_formats::fingerprint::Fingerprint;
 
 use super::config::Loaded;
 
-/// Bytes of a file that are read at once.
-const PIECE: usize = 1 << 16;
-
-/// The keys in force, the program's version, the part of the session, and size and content of every input.
-pub(super) fn of(loaded: &Loaded) -> String {
+/// The keys in force, the program's version, the part of the session, and size and content of every input; those that were read
+/// already are `known`, by name.
+pub(super) fn of(loaded: &Loaded, known: &[(String, Fingerprint)]) -> String {
     let mut text =
         format!("{}\n{}\n{:?}\n", env!("CARGO_PKG_VERSION"), loaded.text(), loaded.window);
     for path in loaded.input_files() {
+        let found = known.iter().find(|(name, _)| path.as_os_str() == name.as_str());
         // What cannot be read is named by those who need it.
-        let (size, content) = hashed(&path).unwrap_or_default();
+        let read = || Fingerprint::of_file(&path).unwrap_or_default();
+        let Fingerprint { size, hash } = found.map_or_else(read, |(_, fingerprint)| *fingerprint);
         // A `String` takes everything.
-        let _ = writeln!(text, "{size} {content:016x}");
+        let _ = writeln!(text, "{size} {hash:016x}");
     }
     text
-}
-
-/// Size and hash of a file's content: contents are told apart that nobody has made alike on purpose.
-fn hashed(path: &Path) -> std::io::Result<(u64, u64)> {
-    let mut file = BufReader::with_capacity(PIECE, File::open(path)?);
-    let (mut size, mut hash) = (0, XxHash3_64::new());
-    loop {
-        let piece = file.fill_buf()?;
-        if piece.is_empty() {
-            return Ok((size, hash.finish()));
-        }
-        hash.write(piece);
-        let count = piece.len();
-        size += count as u64;
-        file.consume(count);
-    }
 }

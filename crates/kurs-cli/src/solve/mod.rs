@@ -195,7 +195,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
 
-    let identity = session.identity();
     let destination = Destination::of(&args.out)?;
     let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
     let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
@@ -248,6 +247,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     outputs.finish()?;
     review.write(folder.path(), &session, &summary)?;
+    let identity = session.identity(&streams.fingerprints());
     let file = summary.file(&identity, &damage, wall_s);
     output::write_json(folder.path(), "summary.json", &file)?;
     folder.publish()?;

@@ -3,6 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use kurs_formats::fingerprint::Fingerprint;
+
 use super::config::{self, Loaded, Overrides};
 use super::found_files::FoundFiles;
 use super::identity;
@@ -88,9 +90,10 @@ impl SessionArgs {
 }
 
 impl Session {
-    /// The text that stands for the keys in force, the program and the contents of all inputs.
-    pub(crate) fn identity(&self) -> String {
-        identity::of(&self.loaded)
+    /// The text that stands for the keys in force, the program and the contents of all inputs, of which these are `known` by
+    /// name.
+    pub(crate) fn identity(&self, known: &[(String, Fingerprint)]) -> String {
+        identity::of(&self.loaded, known)
     }
 
     /// Every file that is read.

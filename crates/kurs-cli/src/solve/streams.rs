@@ -10,6 +10,7 @@ use kurs::observation::matcher::Matcher;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::signal::System;
 use kurs::time::GpsTime;
+use kurs_formats::fingerprint::Fingerprint;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
 
@@ -84,6 +85,12 @@ impl Streams {
         let read: u64 =
             self.streams.iter().chain(&self.station).map(|s| s.reader.bytes_read()).sum();
         (self.bytes > 0).then(|| (read as f64 / self.bytes as f64).min(1.0))
+    }
+
+    /// What the files hold that were read to their ends, by name.
+    pub(super) fn fingerprints(&self) -> Vec<(String, Fingerprint)> {
+        let readers = self.streams.iter().chain(&self.station).map(|stream| &stream.reader);
+        readers.flat_map(SessionReader::fingerprints).collect()
     }
 
     /// Shortest time between two epochs of one antenna so far, s; `None` before there were two.

@@ -17,6 +17,7 @@ use super::news::News;
 use super::start::Start;
 use crate::damage::{Damage, DamageLog};
 use crate::epoch_order::Ordered;
+use crate::fingerprint::Fingerprint;
 use crate::sbf::AntennaId;
 use crate::source::{ReadError, Source};
 
@@ -219,6 +220,12 @@ impl LogReader {
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
         self.epochs.raw.source.bytes_read()
+    }
+
+    /// What the file holds, once it was read to its end.
+    #[must_use]
+    pub fn fingerprint(&self) -> Option<Fingerprint> {
+        self.epochs.raw.source.fingerprint()
     }
 }
 

@@ -30,6 +30,7 @@ use super::fields::{columns, label, text};
 use crate::content::Content;
 use crate::damage::Damage;
 use crate::epoch_order::Ordered;
+use crate::fingerprint::Fingerprint;
 use crate::source::{ReadError, Source};
 
 /// What the errors call a readable file.
@@ -143,6 +144,12 @@ impl ObservationReader {
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
         self.epochs.raw.lines.source().bytes_read()
+    }
+
+    /// What the file holds, once it was read to its end.
+    #[must_use]
+    pub fn fingerprint(&self) -> Option<Fingerprint> {
+        self.epochs.raw.lines.source().fingerprint()
     }
 
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end of the file.
