@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use kurs::observation::ArrayEpoch;
 use kurs::solution::{Reason, Status};
 
 use super::scene::{Outcome, PLACES_M, Scene, array};
@@ -132,4 +133,36 @@ fn a_length_five_centimetres_longer_or_shorter() {
     }
     println!("{wrong} of {rows} wrong");
     assert!(rows > 1000 && wrong <= 1, "{wrong} of {rows}");
+}
+
+/// A fifth of the satellites is half a cycle off at one antenna from the first row to the last. What earlier epochs know lets
+/// wrong integers fit; the epochs by themselves say that none do, and continuous sessions hear them too.
+#[test]
+fn half_cycles_that_stay() {
+    let (mut rows, mut refused) = (0, 0);
+    for seed in 0..6 {
+        let mut scene = Scene::new(2, |scenario| {
+            (scenario.interval_s, scenario.duration_s) = (1.0, 150.0);
+            scenario.seed = seed;
+        });
+        scene.settings.ambiguities = super::CONTINUOUS;
+        let half = |epoch: &mut ArrayEpoch| {
+            let observed = epoch.antennas[1].as_mut().unwrap();
+            let fifth = observed.observations.iter_mut().filter(|o| o.satellite.number % 5 == 0);
+            fifth.for_each(|o| o.phase_cycles = o.phase_cycles.map(|cycles| cycles + 0.5));
+        };
+        scene.run(
+            |_, mut epoch| {
+                half(&mut epoch);
+                vec![epoch]
+            },
+            |time_s, row, outcome| {
+                assert_ne!(outcome, Outcome::Wrong, "seed {seed}, {time_s} s: {row:?}");
+                rows += 1;
+                refused += usize::from(row.reason() == Some(Reason::Length));
+            },
+        );
+    }
+    println!("{refused} of {rows} rows refused for the length");
+    assert!(2 * refused >= rows, "{refused} of {rows}");
 }
