@@ -27,8 +27,8 @@ use super::noise_levels::NoiseLevels;
 use super::orientation::{self, KnownBody, Orientation};
 use super::predicted_attitude::PredictedBaselines;
 use super::search::{Problem, Searches};
-use super::session_fit::SessionFit;
-use super::settings::{Ambiguities, Settings, SettingsError};
+use super::session_fit::{Geometry, SessionFit};
+use super::settings::{Ambiguities, Constraint, Settings, SettingsError};
 use super::subset::{Doubted, Subsets, Trials};
 use super::witness::{Claim, Witness};
 
@@ -267,20 +267,24 @@ impl Estimator {
     fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix, without_mixed: Option<Fit>) {
         let Ok(found) = &fix.found else { return };
         let without_mixed = without_mixed.filter(|_| !fix.is_accepted());
-        let is_carried_and_unsure = epoch.float.is_recursive() && !fix.is_sure();
-        let misfit = if let Some(misfit) = without_mixed {
-            misfit
-        } else if is_carried_and_unsure {
-            let Some(misfit) = self.misfit_alone(epoch) else { return };
-            misfit
-        } else if epoch.float.is_recursive() {
+        let with_lengths = || {
             let (baselines, _) = fix.baselines(epoch);
             self.lengths(&baselines).into_iter().fold(fix.misfit, Fit::plus)
-        } else {
-            found.misfit
         };
-        let weight = self.levels.weight_of_squares();
-        self.session_fit.take(misfit, weight, epoch.time, is_carried_and_unsure);
+        let (misfit, geometry) = if let Some(misfit) = without_mixed {
+            (misfit, Geometry::Fits(misfit))
+        } else if epoch.float.is_recursive() && !fix.is_sure() {
+            let Some(misfit) = self.misfit_alone(epoch) else { return };
+            (misfit, Geometry::OnlyAgainst(misfit))
+        } else if epoch.float.is_recursive() {
+            let misfit = with_lengths();
+            (misfit, Geometry::Fits(misfit))
+        } else if self.settings.constraint != Constraint::None && found.is_without_geometry() {
+            (found.misfit, Geometry::Fits(with_lengths()))
+        } else {
+            (found.misfit, Geometry::Fits(found.misfit))
+        };
+        self.session_fit.take(misfit, geometry, self.levels.weight_of_squares(), epoch.time);
     }
 
     /// What the best integers of an epoch by itself cost, with what is known of the geometry.

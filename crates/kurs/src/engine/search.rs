@@ -377,6 +377,13 @@ impl Searches {
     }
 }
 
+impl Found {
+    /// Whether they were found without the known geometry, so that the misfit says nothing of it.
+    pub(super) fn is_without_geometry(&self) -> bool {
+        self.misfit.degrees_of_freedom == self.integers.len()
+    }
+}
+
 impl Problem<'_> {
     /// Whether all other integers are improbable.
     fn is_sure(&self, found: &Found) -> bool {

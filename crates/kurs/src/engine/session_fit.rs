@@ -40,18 +40,33 @@ pub(super) struct SessionFit {
     time: Option<GpsTime>,
 }
 
+/// What an epoch says of the known geometry.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Geometry {
+    /// So it fits.
+    Fits(Fit),
+    /// In a weak model some integers always fit: only that none do says something.
+    OnlyAgainst(Fit),
+}
+
+fn mean_square(fit: Fit) -> f64 {
+    fit.sum / (fit.degrees_of_freedom as f64).max(1.0)
+}
+
 impl SessionFit {
-    /// Takes in the cost of an epoch's best integers, which is `weight` of an independent one. Where it only `speaks_against`
-    /// the geometry, a good fit is no evidence for it.
-    pub(super) fn take(&mut self, fit: Fit, weight: f64, time: GpsTime, speaks_against: bool) {
+    /// Takes in the cost of an epoch's best integers, which is `weight` of an independent one, and what it says of the known
+    /// `geometry`; where it only speaks against that, a good fit is no evidence for it.
+    pub(super) fn take(&mut self, fit: Fit, geometry: Geometry, weight: f64, time: GpsTime) {
         let elapsed_s = self.time.map_or(0.0, |before| (time - before).max(0.0));
         self.time = Some(time);
         let keep = (-elapsed_s / FADING_S).exp();
         let degrees_of_freedom = fit.degrees_of_freedom as f64;
         self.sum = self.sum * keep + weight * fit.sum.min(MAX_EXCESS * degrees_of_freedom);
         self.degrees_of_freedom = self.degrees_of_freedom * keep + weight * degrees_of_freedom;
-        let least = if speaks_against { NEUTRAL_MEAN } else { 0.0 };
-        let mean = (fit.sum / degrees_of_freedom.max(1.0)).clamp(least, WRONG_MEAN);
+        let mean = match geometry {
+            Geometry::Fits(fit) => mean_square(fit).min(WRONG_MEAN),
+            Geometry::OnlyAgainst(fit) => mean_square(fit).clamp(NEUTRAL_MEAN, WRONG_MEAN),
+        };
         self.evidence =
             self.evidence * keep + weight * (NEUTRAL_MEAN - mean) / (NEUTRAL_MEAN - 1.0);
     }
@@ -81,7 +96,8 @@ mod tests {
         let mut session = SessionFit::default();
         for second in 0..epochs {
             let time = GpsTime::default() + f64::from(second);
-            session.take(Fit { sum: 10.0 * mean, degrees_of_freedom: 10 }, 1.0, time, false);
+            let fit = Fit { sum: 10.0 * mean, degrees_of_freedom: 10 };
+            session.take(fit, Geometry::Fits(fit), 1.0, time);
         }
         session.doubt()
     }
