@@ -32,10 +32,12 @@ def main():
             reached[key] = linked(nodes[key])
             waiting += reached[key]
     components = {key: component(packages[key], sums) for key in reached}
+    # Of what they are, not of where they lie on this machine.
+    contents = json.dumps(sorted(components.values(), key=lambda found: found["bom-ref"]))
     print(json.dumps({
         "bomFormat": "CycloneDX",
         "specVersion": "1.5",
-        "serialNumber": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, json.dumps(components, sort_keys=True))}",
+        "serialNumber": f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, contents)}",
         "version": 1,
         "metadata": {"component": {**components.pop(root), "type": "application"}},
         "components": sorted(components.values(), key=lambda found: found["bom-ref"]),
