@@ -52,8 +52,8 @@ impl Decorrelation {
 
     /// As [`compute`](Self::compute), but ambiguities change places only within consecutive blocks
     /// of the sizes `blocks`: the search then comes to the last block first, and to the first one
-    /// last. The search looks no farther than `horizon` beyond the nearest vector, in squared distance: what is
-    /// [`settled_variance`] for it changes places with nothing.
+    /// last. The search looks no farther than `horizon` beyond the nearest vector, in squared distance: ambiguities
+    /// that have one integer within it change places with nothing.
     ///
     /// # Errors
     ///
