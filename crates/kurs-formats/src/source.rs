@@ -7,7 +7,7 @@
 use std::fs::File;
 use std::io::{self, BufRead, Read};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use flate2::read::MultiGzDecoder;
 
@@ -86,10 +86,15 @@ impl<R: Read> Read for Noted<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.input.read(buffer)?;
         if !buffer.is_empty() {
-            self.passed.lock().unwrap_or_else(PoisonError::into_inner).take(&buffer[..count]);
+            locked(&self.passed).take(&buffer[..count]);
         }
         Ok(count)
     }
+}
+
+/// Nothing that holds the lock panics.
+fn locked(passed: &Mutex<Passed>) -> MutexGuard<'_, Passed> {
+    passed.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether a file can be opened again and gives the same bytes: a pipe or a terminal does not.
@@ -201,13 +206,13 @@ impl Source {
     /// Bytes that were read so far, as they stand in the file: of a packed one, packed.
     #[must_use]
     pub fn bytes_read(&self) -> u64 {
-        self.passed.lock().unwrap_or_else(PoisonError::into_inner).size()
+        locked(&self.passed).size()
     }
 
     /// What the file holds, once it was read to its end.
     #[must_use]
     pub fn fingerprint(&self) -> Option<Fingerprint> {
-        self.passed.lock().unwrap_or_else(PoisonError::into_inner).whole()
+        locked(&self.passed).whole()
     }
 
     /// At least `length` bytes from here on, fewer if the input ends before (at most

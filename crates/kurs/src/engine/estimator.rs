@@ -213,19 +213,8 @@ impl Estimator {
     /// prediction where the epoch alone is not sure.
     fn fix(&mut self, mut epoch: Epoch, predicted: Option<&PredictedAttitude>) -> Fixed {
         self.searches.begin_epoch();
-        let (known, rate) = (self.known(), self.settings.max_wrong_fix_rate);
-        let Epoch { float, links, frame, .. } = &epoch;
-        let doubt = self.session_fit.doubt();
-        let problem = Problem {
-            float,
-            links,
-            frame,
-            settings: &self.settings,
-            rate,
-            known,
-            doubt,
-            begins_free: false,
-        };
+        let (known, doubt) = (self.known(), self.session_fit.doubt());
+        let problem = Problem { doubt, ..epoch.problem(&epoch.float, &self.settings, known) };
         let mut fix = self.searches.fix(&problem);
         self.learn_phases(&epoch, &fix);
 
@@ -263,7 +252,8 @@ impl Estimator {
 
     /// The session learns how well the best integers fit, with what is known of the geometry: without the phases of
     /// mixed receivers where those are in doubt, as what they leave is not the geometry's fault. Integers that fit best
-    /// to what earlier epochs know of them fit the epoch itself only if they are right, so only sure ones count.
+    /// to what earlier epochs know of them fit the epoch itself only if they are right, so only sure ones count; of the
+    /// other epochs the best ones of the epoch by itself.
     fn learn_fit(&mut self, epoch: &Epoch, fix: &Fix, without_mixed: Option<Fit>) {
         let Ok(found) = &fix.found else { return };
         let without_mixed = without_mixed.filter(|_| !fix.is_accepted());
@@ -289,20 +279,9 @@ impl Estimator {
 
     /// What the best integers of an epoch by itself cost, with what is known of the geometry.
     fn misfit_alone(&mut self, epoch: &Epoch) -> Option<Fit> {
-        let Epoch { float, links, groups, frame, .. } = epoch;
+        let Epoch { float, links, groups, .. } = epoch;
         let float = FloatSolution::solve(links, groups, float.reference, &float.rovers).ok()?;
-        let (settings, known) = (&self.settings, self.known());
-        let rate = settings.max_wrong_fix_rate;
-        let problem = Problem {
-            float: &float,
-            links,
-            frame,
-            settings,
-            rate,
-            known,
-            doubt: 0.0,
-            begins_free: false,
-        };
+        let problem = epoch.problem(&float, &self.settings, self.known());
         self.searches.find_constrained(&problem).ok().map(|found| found.misfit)
     }
 

@@ -11,11 +11,11 @@ use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
 use crate::time::GpsTime;
 
-use super::acceptance::Checks;
+use super::acceptance::{Checks, Known};
 use super::locate::CommonFrame;
 use super::noise_levels;
 use super::search::{Found, Problem, Searches};
-use super::settings::Constraint;
+use super::settings::{Constraint, Settings};
 
 /// Models that are right more often than this choose no integers by chance: a tenth of the strictest rate
 /// that is usual.
@@ -34,6 +34,19 @@ pub(super) struct Epoch {
     pub(super) code_fit: Fit,
     /// So many phases slipped that nothing is left of what earlier epochs knew.
     pub(super) began_anew: bool,
+}
+
+impl Epoch {
+    /// Its integers in this float solution, with a geometry that nobody doubts.
+    pub(super) fn problem<'a>(
+        &'a self,
+        float: &'a FloatSolution,
+        settings: &'a Settings,
+        known: Known,
+    ) -> Problem<'a> {
+        let (links, frame, rate) = (&self.links, &self.frame, settings.max_wrong_fix_rate);
+        Problem { float, links, frame, settings, rate, known, doubt: 0.0, begins_free: false }
+    }
 }
 
 /// What came of the search for the integers of an epoch.

@@ -163,27 +163,17 @@ impl Searches {
         settings: &Settings,
         known: Known,
     ) -> Option<Fix> {
-        let Epoch { float, links, frame, .. } = epoch;
-        let rate = settings.max_wrong_fix_rate;
+        let Epoch { float, frame, .. } = epoch;
         let array = settings.array.as_ref().filter(|_| settings.constraint != Constraint::None)?;
         if float.ambiguities_cycles.is_empty() {
             return None;
         }
         let beside = predicted.inform_of_all(float, frame)?;
-        if chance_of_a_fit(&beside)? > rate {
+        if chance_of_a_fit(&beside)? > settings.max_wrong_fix_rate {
             return None;
         }
         let informed = predicted.inform(float, frame)?;
-        let problem = Problem {
-            float: &informed,
-            links,
-            frame,
-            settings,
-            rate,
-            known,
-            doubt: 0.0,
-            begins_free: false,
-        };
+        let problem = epoch.problem(&informed, settings, known);
         let found = self.with_array(&problem, array).ok()?;
         let alone = probability(float, &found.integers)?;
         if alone < MIN_PLAUSIBLE_ALONE || probability(&beside, &found.integers)? < MIN_PLAUSIBLE {
