@@ -170,7 +170,7 @@ fn search(bencher: Bencher, antennas: usize) {
     let float = FloatSolution::solve(&links, &groups, 0, &stages.rovers).unwrap();
     let mut search = IntegerLeastSquares::default();
     bencher.bench_local(|| {
-        search.solve(float.ambiguities_cycles.as_slice(), &float.ambiguity_covariance, 4).unwrap()
+        search.solve(float.ambiguities_cycles.as_slice(), float.ambiguity_covariance(), 4).unwrap()
     });
 }
 

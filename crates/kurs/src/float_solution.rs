@@ -16,6 +16,8 @@ pub mod recursive;
 
 pub use code::CodeFloat;
 
+use std::sync::OnceLock;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::difference::{Combination, Link, add_common_cycles, covariance, equations, own_links};
@@ -54,8 +56,6 @@ pub struct FloatSolution {
     pub covariance_m2: DMatrix<f64>,
     /// Float ambiguities `â`, cycles (n).
     pub ambiguities_cycles: DVector<f64>,
-    /// Their covariance `Q_â`, cycles² (n × n).
-    pub ambiguity_covariance: DMatrix<f64>,
     /// Cross covariance `Q_x̂â`, m·cycles (3k × n).
     pub cross_covariance: DMatrix<f64>,
     /// Baseline (index of its block) that each ambiguity belongs to; the last one for an ambiguity
@@ -65,6 +65,10 @@ pub struct FloatSolution {
     pub code_fit: Fit,
     /// Number of satellites with a double-differenced phase.
     pub satellites: usize,
+    /// `Λ⁻¹ A_Φ` (n × 3k).
+    scaled_design: DMatrix<f64>,
+    /// `Q_â`, once somebody has asked for it.
+    ambiguity_covariance: OnceLock<DMatrix<f64>>,
     conditional: ConditionalNormal,
     code_right: DVector<f64>,
     code: CodeFloat,
@@ -210,11 +214,12 @@ impl FloatSolution {
             correction_m: code.correction_m.clone(),
             covariance_m2: code.covariance_m2.clone(),
             ambiguities_cycles: DVector::zeros(0),
-            ambiguity_covariance: DMatrix::zeros(0, 0),
             cross_covariance: DMatrix::zeros(unknowns, 0),
             baseline_of: Vec::new(),
             code_fit: code.fit,
             satellites,
+            scaled_design: DMatrix::zeros(0, unknowns),
+            ambiguity_covariance: OnceLock::new(),
             conditional: ConditionalNormal::new(conditional_normal),
             code_right: code.right.clone(),
             code,
@@ -227,11 +232,11 @@ impl FloatSolution {
         float
     }
 
-    /// `â = Λ⁻¹ (y_Φ − A_Φ x̂)`, `Q_â = Λ⁻¹ (Q_Φ + A_Φ Q_x̂ A_Φᵀ) Λ⁻¹`, `Q_x̂â = −Q_x̂ A_Φᵀ Λ⁻¹`.
+    /// `â = Λ⁻¹ (y_Φ − A_Φ x̂)`, `Q_x̂â = −Q_x̂ A_Φᵀ Λ⁻¹`.
     fn solve_ambiguities(&mut self) {
         let n: usize = self.phases.iter().map(|p| p.misclosure_m.len()).sum();
         let unknowns = self.correction_m.len();
-        let mut a_scaled = DMatrix::zeros(n, unknowns); // Λ⁻¹ A_Φ
+        self.scaled_design = DMatrix::zeros(n, unknowns);
         self.baseline_of.clear();
         self.ambiguities_cycles = DVector::zeros(n);
         let mut first = 0;
@@ -242,27 +247,53 @@ impl FloatSolution {
             self.ambiguities_cycles.rows_mut(first, count).copy_from(&cycles);
             for (column, of_design) in design.column_iter().enumerate() {
                 let scaled = of_design.component_div(wavelengths_m);
-                a_scaled.view_mut((first, column), (count, 1)).copy_from(&scaled);
+                self.scaled_design.view_mut((first, column), (count, 1)).copy_from(&scaled);
             }
             let last = |row: usize| (0..unknowns).rev().find(|i| design[(row, *i)] != 0.0);
             self.baseline_of.extend((0..count).map(|row| last(row).unwrap_or(0) / 3));
             first += count;
         }
-        let spread = &a_scaled * &self.covariance_m2;
-        self.ambiguity_covariance = &spread * a_scaled.transpose();
-        let mut first = 0;
-        for phases in &self.phases {
-            let count = phases.misclosure_m.len();
-            let per_metre = phases.wavelengths_m.map(|wavelength_m| 1.0 / wavelength_m);
-            for j in 0..count {
-                for i in 0..count {
-                    self.ambiguity_covariance[(first + i, first + j)] +=
-                        phases.covariance_m2[(i, j)] * (per_metre[i] * per_metre[j]);
+        self.cross_covariance = -(&self.covariance_m2 * self.scaled_design.transpose());
+        self.ambiguity_covariance = OnceLock::new();
+    }
+
+    /// Covariance `Q_â` of the float ambiguities, cycles² (n × n); computed when it is first asked for.
+    pub fn ambiguity_covariance(&self) -> &DMatrix<f64> {
+        self.ambiguity_covariance.get_or_init(|| {
+            let all: Vec<usize> = (0..self.ambiguities_cycles.len()).collect();
+            self.one_epoch_covariance(&all)
+        })
+    }
+
+    /// Covariance of the ambiguities `rows`, which rise.
+    #[must_use]
+    pub fn covariance_among(&self, rows: &[usize]) -> DMatrix<f64> {
+        match self.ambiguity_covariance.get() {
+            Some(all) => DMatrix::from_fn(rows.len(), rows.len(), |i, j| all[(rows[i], rows[j])]),
+            None => self.one_epoch_covariance(rows),
+        }
+    }
+
+    /// `Λ⁻¹ (Q_Φ + A_Φ Q_x̂ A_Φᵀ) Λ⁻¹` of the ambiguities `rows`, which rise, where nothing but this epoch is known.
+    fn one_epoch_covariance(&self, rows: &[usize]) -> DMatrix<f64> {
+        let spread = -self.cross_covariance.select_columns(rows);
+        let mut covariance = self.scaled_design.select_rows(rows) * spread;
+        let (mut first, mut from) = (0, 0);
+        for Phases { wavelengths_m, covariance_m2, .. } in &self.phases {
+            let end = first + wavelengths_m.len();
+            let to = from + rows[from..].iter().take_while(|row| **row < end).count();
+            for j in from..to {
+                let of_j = rows[j] - first;
+                let column_m2 = covariance_m2.column(of_j);
+                for i in from..to {
+                    let of_i = rows[i] - first;
+                    covariance[(i, j)] +=
+                        column_m2[of_i] / (wavelengths_m[of_i] * wavelengths_m[of_j]);
                 }
             }
-            first += count;
+            (first, from) = (end, to);
         }
-        self.cross_covariance = -spread.transpose();
+        covariance
     }
 
     /// The phases of all groups, in the order of the ambiguities.
@@ -400,6 +431,12 @@ impl FloatSolution {
         if self.without_code { 0.0 } else { off_m.dot(&(&self.code.normal * &off_m)) }
     }
 
+    /// Whether it holds the code and phases of one epoch and nothing else.
+    #[must_use]
+    pub fn is_of_one_epoch(&self) -> bool {
+        !self.is_recursive() && !self.without_code && self.informed == 0
+    }
+
     /// Whether earlier epochs enter.
     #[must_use]
     pub fn is_recursive(&self) -> bool {
@@ -434,6 +471,14 @@ impl FloatSolution {
     pub fn code_excess_of(&self, integers: &[f64]) -> Option<f64> {
         let correction_m = self.conditional_correction(integers, &self.ranges_m(integers))?;
         Some(self.code_excess(&correction_m))
+    }
+
+    /// `(â − z)ᵀ Q_â⁻¹ (â − z)` of these integers `z`: the squares that they leave of the phases, and of the code beyond what code
+    /// alone leaves. `None` where the solution is not of one epoch alone, and where the baselines are not determined.
+    #[must_use]
+    pub fn squared_distance(&self, integers: &[f64]) -> Option<f64> {
+        let conditional = self.is_of_one_epoch().then(|| self.conditional(integers))??;
+        Some(conditional.phase_fit.sum + self.code_excess(&conditional.correction_m))
     }
 
     /// `y_Φ − Λ z` of each group.

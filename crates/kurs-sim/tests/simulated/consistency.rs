@@ -291,7 +291,7 @@ fn integers_are_right_as_often_as_predicted() {
         let (links, groups) = differences(&epoch, simulation.navigation());
         let float = FloatSolution::solve(&links, &groups, 0, &[1]).unwrap();
         let ambiguities = float.ambiguities_cycles.as_slice();
-        let best = search.solve(ambiguities, &float.ambiguity_covariance, 1).unwrap();
+        let best = search.solve(ambiguities, float.ambiguity_covariance(), 1).unwrap();
         let integers: Vec<f64> = best[0].integers.iter().map(|n| *n as f64).collect();
         let sums = integer_sums(&links, &groups, &integers);
         right += if cycles.judge(&sums) == Integers::Right { 1.0 } else { 0.0 };
@@ -330,7 +330,7 @@ fn a_float_solution_is_told_of_its_baseline() {
     let off =
         |float: &FloatSolution| &float.ambiguities_cycles - DVector::from_column_slice(&integers);
     let solved = |float: &FloatSolution| {
-        float.ambiguity_covariance.clone().cholesky().unwrap().solve(&off(float))
+        float.ambiguity_covariance().clone().cholesky().unwrap().solve(&off(float))
     };
     // x̌ = x̂ − Q_x̂â Q_â⁻¹ (â − z), by normal equations and by covariances
     let by_equations = told.conditional(&integers).unwrap();

@@ -23,6 +23,7 @@ pub mod frame;
 pub mod ldl;
 pub mod length_constrained;
 
+pub mod parts;
 pub mod search;
 pub mod sphere;
 pub mod sphere_search;

@@ -56,6 +56,9 @@ pub struct IntegerLeastSquares {
     /// Vectors farther than the nearest one by more than this, in squared distance, are not
     /// looked for.
     pub horizon: f64,
+    /// Ambiguities that have one integer within this are not decorrelated further, even if the horizon is farther: in a strong model
+    /// that takes longer than the nodes it saves.
+    pub reduced_within: f64,
     decorrelation: Decorrelation,
     tree: Tree,
     nodes: usize,
@@ -69,6 +72,7 @@ impl Default for IntegerLeastSquares {
             node_budget: DEFAULT_NODE_BUDGET,
             node_budget_of_strong_models: DEFAULT_NODE_BUDGET,
             horizon: DEFAULT_HORIZON,
+            reduced_within: f64::INFINITY,
             decorrelation: Decorrelation::default(),
             tree: Tree::default(),
             nodes: 0,
@@ -93,7 +97,8 @@ impl IntegerLeastSquares {
         count: usize,
     ) -> Result<Vec<Candidate>, AmbiguityError> {
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
-        self.decorrelation.compute_in_blocks(covariance, &[covariance.nrows()], self.horizon)?;
+        let within = self.horizon.min(self.reduced_within);
+        self.decorrelation.compute_in_blocks(covariance, &[covariance.nrows()], within)?;
         self.success_rate = bootstrapped_success_rate(self.decorrelation.conditional_variances());
         self.tree.prepare(&self.decorrelation, &fraction);
         let (leaves, radius) = self.nearest(count)?;

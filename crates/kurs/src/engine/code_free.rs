@@ -51,7 +51,7 @@ impl CodeFree {
             return Err(Reason::Budget);
         }
         let weak = Reason::WeakModel;
-        self.decorrelation.compute(&float.ambiguity_covariance).map_err(|_| weak)?;
+        self.decorrelation.compute(float.ambiguity_covariance()).map_err(|_| weak)?;
         let model = phase_model(float, approximate_m).ok_or(weak)?;
         let max_cost = model.phases_m.len() as f64 + HORIZON;
         let found = all_in_time(&model, length, max_cost, nodes).map_err(|_| Reason::Budget)?;

@@ -188,7 +188,7 @@ impl Searches {
 /// `(â − z)ᵀ Q_â⁻¹ (â − z)` is χ².
 fn probability(float: &FloatSolution, integers: &[f64]) -> Option<f64> {
     let off = &float.ambiguities_cycles - DVector::from_column_slice(integers);
-    let factor = float.ambiguity_covariance.clone().cholesky()?;
+    let factor = float.ambiguity_covariance().clone().cholesky()?;
     Some(chi_square_tail(off.dot(&factor.solve(&off)), off.len()))
 }
 
@@ -199,7 +199,7 @@ fn probability(float: &FloatSolution, integers: &[f64]) -> Option<f64> {
 fn chance_of_a_fit(beside: &FloatSolution) -> Option<f64> {
     let n = beside.ambiguities_cycles.len();
     // ½ ln|Q_â|
-    let factor = beside.ambiguity_covariance.clone().cholesky()?;
+    let factor = beside.ambiguity_covariance().clone().cholesky()?;
     let log_root: f64 = factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
     Some((log_ball(n) + n as f64 * plausible_radius(n).ln() + log_root).exp())
 }

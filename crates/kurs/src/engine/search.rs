@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use crate::ambiguity::array_constrained::{ArrayCandidate, ArrayConstrained};
 use crate::ambiguity::decorrelate::Decorrelation;
 use crate::ambiguity::length_constrained::LengthConstrained;
+use crate::ambiguity::parts::PartwiseLeastSquares;
 use crate::ambiguity::search::{Candidate, IntegerLeastSquares};
 use crate::ambiguity::sphere::Length;
 use crate::ambiguity::success_rate::bootstrapped_success_rate;
@@ -77,6 +78,7 @@ pub(super) struct Found {
 #[derive(Debug, Clone)]
 pub(super) struct Searches {
     free: IntegerLeastSquares,
+    parts: PartwiseLeastSquares,
     length: LengthConstrained,
     array: ArrayConstrained,
     code_free: CodeFree,
@@ -85,6 +87,8 @@ pub(super) struct Searches {
     success_without_constraint: Option<f64>,
     /// Ambiguities of a model that was weak without the constraint: with more it has not been.
     weak_ambiguities: usize,
+    /// Ambiguities of a model whose baselines were weak by themselves.
+    weak_in_parts: usize,
 }
 
 impl Default for Searches {
@@ -94,14 +98,18 @@ impl Default for Searches {
         array.horizon = ARRAY_HORIZON;
         let mut free = IntegerLeastSquares::default();
         free.node_budget_of_strong_models = STRONG_MODEL_NODES;
+        let mut parts = PartwiseLeastSquares::default();
+        parts.node_budget_of_strong_models = STRONG_MODEL_NODES;
         Self {
             free,
+            parts,
             length: LengthConstrained::default(),
             array,
             code_free: CodeFree::default(),
             budget: WorkBudget::default(),
             success_without_constraint: None,
             weak_ambiguities: 0,
+            weak_in_parts: 0,
         }
     }
 }
@@ -177,7 +185,7 @@ impl Searches {
     /// misfit may be among those it did not reach.
     fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
         let float = problem.float;
-        let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
+        let (ambiguities, covariance) = (&float.ambiguities_cycles, float.ambiguity_covariance());
         let integers: Vec<i64> = found.integers.iter().map(|z| whole(*z)).collect();
         let found = (integers.as_slice(), found.misfit.sum);
         let likelihood = Likelihood::new(float, problem.known, 0);
@@ -215,11 +223,17 @@ impl Searches {
     /// All ambiguities of all baselines together, nothing known of the geometry.
     fn without_constraint(&mut self, problem: &Problem) -> Result<Found, Reason> {
         let float = problem.float;
-        let (ambiguities, covariance) = (&float.ambiguities_cycles, &float.ambiguity_covariance);
-        let candidates = self.nearest(ambiguities.as_slice(), covariance, CANDIDATES);
-        let rate = self.free.success_rate();
+        let in_parts = self.baseline_after_baseline(float);
+        let (candidates, proven_to, rate) = match in_parts {
+            Some(candidates) => (Ok(candidates), self.parts.proven_to(), self.parts.success_rate()),
+            None => {
+                let ambiguities = float.ambiguities_cycles.as_slice();
+                let found = self.nearest(ambiguities, float.ambiguity_covariance(), CANDIDATES);
+                (found, self.free.proven_to(), self.free.success_rate())
+            }
+        };
         self.success_without_constraint = Some(rate);
-        self.weak_ambiguities = match ambiguities.len() {
+        self.weak_ambiguities = match float.ambiguities_cycles.len() {
             strong if self.is_strong_without_constraint() => {
                 self.weak_ambiguities.min(strong.saturating_sub(1))
             }
@@ -228,7 +242,33 @@ impl Searches {
         let candidates = candidates?;
         let list: Vec<_> =
             candidates.iter().map(|c| (c.integers.as_slice(), c.squared_distance)).collect();
-        problem.weigh(float, &list, self.free.proven_to(), rate, 0)
+        problem.weigh(float, &list, proven_to, rate, 0)
+    }
+
+    /// The nearest integers of several baselines, found in each by itself; `None` where that proves nothing.
+    fn baseline_after_baseline(&mut self, float: &FloatSolution) -> Option<Vec<Candidate>> {
+        let (baselines, count) = (float.rovers.len(), float.ambiguities_cycles.len());
+        if baselines < 2 || !float.is_of_one_epoch() || count <= self.weak_in_parts {
+            return None;
+        }
+        let mut parts = vec![Vec::new(); baselines];
+        for (row, baseline) in float.baseline_of.iter().enumerate() {
+            parts[*baseline].push(row);
+        }
+        self.parts.node_budget = self.budget.nodes(Search::Free).ok()? / baselines;
+        let squared_distance = |integers: &[i64]| {
+            let cycles: Vec<f64> = integers.iter().map(|z| *z as f64).collect();
+            float.squared_distance(&cycles)
+        };
+        let among = |rows: &[usize]| float.covariance_among(rows);
+        let ambiguities = float.ambiguities_cycles.as_slice();
+        let found = self.parts.solve(ambiguities, &parts, among, squared_distance, CANDIDATES);
+        let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
+        self.budget.spend(Search::Free, self.parts.nodes(), largest);
+        if found.is_none() && self.parts.are_weak() {
+            self.weak_in_parts = count;
+        }
+        found
     }
 
     /// The integers nearest to these ambiguities, within the work of the epoch.
@@ -420,7 +460,7 @@ fn mixed_float(
     approximate_m: &DVector<f64>,
     order: &[usize],
 ) -> Result<MixedFloat, Reason> {
-    let (n, covariance) = (order.len(), &float.ambiguity_covariance);
+    let (n, covariance) = (order.len(), float.ambiguity_covariance());
     Ok(MixedFloat {
         ambiguities: float.ambiguities_cycles.select_rows(order),
         ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| covariance[(order[i], order[j])]),

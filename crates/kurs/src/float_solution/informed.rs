@@ -1,5 +1,7 @@
 //! A float solution that is told something of its baselines from outside.
 
+use std::sync::OnceLock;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::{ConditionalNormal, Fit, FloatSolution};
@@ -39,7 +41,9 @@ impl FloatSolution {
             correction_m: &self.correction_m + x_seen.tr_mul(&weighted),
             covariance_m2: &self.covariance_m2 - x_seen.tr_mul(&x_solved),
             ambiguities_cycles: &self.ambiguities_cycles + a_seen.tr_mul(&weighted),
-            ambiguity_covariance: &self.ambiguity_covariance - a_seen.tr_mul(&a_solved),
+            ambiguity_covariance: OnceLock::from(
+                self.ambiguity_covariance() - a_seen.tr_mul(&a_solved),
+            ),
             cross_covariance: &self.cross_covariance - x_seen.tr_mul(&a_solved),
             code_fit: Fit {
                 sum: self.code_fit.sum + innovation_m.dot(&weighted),

@@ -28,6 +28,8 @@
 //! `S = J − J (Λ + J)⁻¹ J` (w-test), and its size is `uᵢ / Sᵢᵢ`. The worst link is forgotten until
 //! none is left.
 
+use std::sync::OnceLock;
+
 use nalgebra::{DMatrix, DVector};
 use smallvec::{SmallVec, smallvec};
 
@@ -372,9 +374,9 @@ impl RecursiveFloat {
             correction_m: estimate.rows(0, x).clone_owned(),
             covariance_m2: q.view((0, 0), (x, x)).clone_owned(),
             ambiguities_cycles: DVector::from_fn(n, |i, _| per_metre(i) * estimate[x + i]),
-            ambiguity_covariance: DMatrix::from_fn(n, n, |i, j| {
+            ambiguity_covariance: OnceLock::from(DMatrix::from_fn(n, n, |i, j| {
                 per_metre(i) * per_metre(j) * q[(x + i, x + j)]
-            }),
+            })),
             cross_covariance: DMatrix::from_fn(x, n, |i, j| per_metre(j) * q[(i, x + j)]),
             conditional: ConditionalNormal::new(joint.matrix.view((0, 0), (x, x)).clone_owned()),
             memory: Some(Memory {

@@ -144,7 +144,7 @@ fn told_components_are_observations() {
     let by_baselines = &before * &float.cross_covariance;
     is_near(&informed.cross_covariance, &(&covariance_m2 * &by_baselines), "cross covariance");
     let lost = by_baselines.tr_mul(&((&float.covariance_m2 - &covariance_m2) * &by_baselines));
-    is_near(&informed.ambiguity_covariance, &(&float.ambiguity_covariance - lost), "ambiguities");
+    is_near(informed.ambiguity_covariance(), &(float.ambiguity_covariance() - lost), "ambiguities");
     let given_integers = |of: &FloatSolution| inverse(of.conditional_covariance_m2().unwrap());
     let given_both = given_integers(&float) + &gained;
     is_near(&given_integers(&informed), &given_both, "given integers");
