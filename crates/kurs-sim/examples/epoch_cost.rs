@@ -1,9 +1,10 @@
 //! Time of a whole epoch, from observations to attitude, one core:
-//! `cargo run --release -p kurs-sim --example epoch_cost [SCENARIO.toml] [EPOCHS]`.
+//! `cargo run --release -p kurs-sim --example epoch_cost [SCENARIO.toml] [EPOCHS] [SATELLITES ANTENNAS SIGNALS]`.
 //!
 //! Prints the median, the 99th percentile and the worst over the epochs of a scenario (by default the car with
 //! its four antennas and two bands, under a sky of 30 satellites) for each constraint. The time of an
-//! epoch is the least of five runs: what else the machine does falls out.
+//! epoch is the least of five runs: what else the machine does falls out. For the smallest model of use:
+//! `epoch_cost scenarios/car.toml 1000 12 2 G1C,E1C`.
 #![expect(clippy::print_stdout, reason = "the times are for reading")]
 
 use std::time::Instant;
@@ -16,7 +17,7 @@ use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
 
-/// The highest so many of all systems are seen, down to the horizon.
+/// The highest so many of all systems are seen, down to the horizon, if no other number is given.
 const SATELLITES: usize = 30;
 const RUNS: usize = 5;
 
@@ -27,7 +28,15 @@ fn main() {
     let text = std::fs::read_to_string(&file).expect("the scenario can be read");
     let mut scenario: Scenario = toml::from_str(&text).expect("a scenario");
     scenario.sky.systems = ["G", "R", "E", "C"].map(str::to_owned).to_vec();
-    scenario.sky.max_satellites = Some(SATELLITES);
+    let satellites = arguments.next().and_then(|text| text.parse().ok());
+    scenario.sky.max_satellites = satellites.or(Some(SATELLITES));
+    if let Some(count) = arguments.next().and_then(|text| text.parse().ok()) {
+        scenario.body[0].antenna.truncate(count);
+    }
+    if let Some(signals) = arguments.next() {
+        scenario.signals = signals.split(',').map(str::to_owned).collect();
+        scenario.sky.systems = scenario.signals.iter().map(|s| s[..1].to_owned()).collect();
+    }
     let antennas = &scenario.body[0].antenna;
     let places = antennas.iter().map(|a| Vector::from_xyz(Vector3::from(a.position_m))).collect();
     let array = AntennaArray::new(places).expect("an array");
@@ -67,7 +76,7 @@ fn main() {
         times_ms.sort_by(f64::total_cmp);
         let quantile = |share: usize| times_ms[times_ms.len() * share / 100];
         println!(
-            "{constraint:?}: {} epochs, {:.1} satellites, {:.1} ambiguities, {:.2} % fixed, p50 {:.2} ms, p99 {:.2} ms, worst {:.2} ms",
+            "{constraint:?}: {} epochs, {:.1} satellites, {:.1} ambiguities, {:.2} % fixed, p50 {:.3} ms, p99 {:.3} ms, worst {:.3} ms",
             times_ms.len(),
             satellites as f64 / times_ms.len() as f64,
             ambiguities as f64 / times_ms.len() as f64,
