@@ -23,7 +23,7 @@ use super::{
     decorrelate::Decorrelation,
     frame::{FrameMetric, Nearest, completed},
     length_constrained::LengthConstrained,
-    search::DEFAULT_HORIZON,
+    search::{DEFAULT_HORIZON, settled_variance},
     sphere::Length,
 };
 
@@ -181,7 +181,11 @@ impl ArrayConstrained {
         tree: &mut BestFirst<P, SVector<f64, S>>,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
         let covariance = &float.ambiguity_covariance;
-        self.decorrelation.compute_in_blocks(covariance, ambiguities_of, self.horizon)?;
+        self.decorrelation.compute_in_blocks(
+            covariance,
+            ambiguities_of,
+            settled_variance(self.horizon),
+        )?;
         let levels = Levels::<P>::new(&self.decorrelation, float)?;
         let conditional = float.conditional_covariance_m2.fixed_view::<P, P>(0, 0).into_owned();
         let mut frames = Frames::<P, S>::new(levels.covariances(conditional).collect())?;

@@ -10,12 +10,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{
-    AmbiguityError, MAX_CYCLES,
-    exchange::Exchanges,
-    ldl::Ldl,
-    search::{DEFAULT_HORIZON, dot},
-};
+use super::{AmbiguityError, MAX_CYCLES, dot, exchange::Exchanges, ldl::Ldl};
 
 /// An exchange must lower the conditional variance by at least this share.
 const MIN_GAIN: f64 = 1e-6;
@@ -47,13 +42,13 @@ impl Decorrelation {
     /// Those of [`Ldl::factor`], and [`AmbiguityError::OutOfRange`] for correlations so strong
     /// that the integers of `Z` would not be exact.
     pub fn compute(&mut self, covariance: &DMatrix<f64>) -> Result<(), AmbiguityError> {
-        self.compute_in_blocks(covariance, &[covariance.nrows()], f64::INFINITY)
+        self.compute_in_blocks(covariance, &[covariance.nrows()], 0.0)
     }
 
     /// As [`compute`](Self::compute), but ambiguities change places only within consecutive blocks
     /// of the sizes `blocks`: the search then comes to the last block first, and to the first one
-    /// last. The search looks no farther than `horizon` beyond the nearest vector, in squared distance: ambiguities
-    /// that have one integer within it change places with nothing.
+    /// last. Ambiguities whose conditional variance is at most `settled` (cycles²) change places with
+    /// nothing.
     ///
     /// # Errors
     ///
@@ -63,9 +58,8 @@ impl Decorrelation {
         &mut self,
         covariance: &DMatrix<f64>,
         blocks: &[usize],
-        horizon: f64,
+        settled: f64,
     ) -> Result<(), AmbiguityError> {
-        let settled = settled_variance(horizon);
         self.ldl.factor(covariance, blocks, settled)?;
         self.steps.clear();
         let n = self.dimension();
@@ -224,14 +218,6 @@ impl Decorrelation {
         self.exchanges.exchange(variances, lower, k, exchanged);
         self.steps.push(Step::Exchange { first: k });
     }
-}
-
-/// The conditional variance, cycles², from which down an ambiguity has one integer for a search that looks no farther than
-/// `horizon` beyond the nearest vector: the next one adds `(1 − 2|r|)/d`, more than the horizon for all residuals `|r| < 3/8`,
-/// which are six standard deviations. In a strong model nearly all ambiguities are such, and nine of ten exchanges would be
-/// theirs.
-fn settled_variance(horizon: f64) -> f64 {
-    0.25 / horizon.max(DEFAULT_HORIZON)
 }
 
 /// Most are zero, which takes no rounding.

@@ -15,7 +15,7 @@ use super::{
     AmbiguityError, MixedFloat,
     best_first::{BestFirst, Constraint, Cost, DEFAULT_NODE_BUDGET, Extent, Levels, informative},
     decorrelate::Decorrelation,
-    search::DEFAULT_HORIZON,
+    search::{DEFAULT_HORIZON, settled_variance},
     sphere::{Length, SphereMetric},
 };
 
@@ -69,7 +69,11 @@ impl LengthConstrained {
         count: usize,
     ) -> Result<Vec<LengthCandidate>, AmbiguityError> {
         let covariance = &float.ambiguity_covariance;
-        self.decorrelation.compute_in_blocks(covariance, &[covariance.nrows()], self.horizon)?;
+        self.decorrelation.compute_in_blocks(
+            covariance,
+            &[covariance.nrows()],
+            settled_variance(self.horizon),
+        )?;
         let levels = Levels::<3>::new(&self.decorrelation, float)?;
         let conditional: Matrix3<f64> =
             float.conditional_covariance_m2.fixed_view::<3, 3>(0, 0).into();

@@ -13,7 +13,7 @@
 //! 5. [`success_rate`] says beforehand how often the nearest vector is the right one; whether this one may be used is
 //!    a matter of the engine.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 
 pub mod array_constrained;
 mod best_first;
@@ -22,7 +22,6 @@ mod exchange;
 pub mod frame;
 pub mod ldl;
 pub mod length_constrained;
-
 pub mod parts;
 pub mod search;
 pub mod sphere;
@@ -181,4 +180,9 @@ impl MixedFloat {
         }
         Ok(n)
     }
+}
+
+/// `aᵀ b` of vectors of one length, in several sums at a time.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    DVectorView::from_slice(a, a.len()).dot(&DVectorView::from_slice(b, b.len()))
 }
