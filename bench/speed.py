@@ -28,6 +28,8 @@ COMMAND = "bench/speed.py"
 # The other sizes where one is changed.
 SATELLITES, ANTENNAS, BANDS = 20, 2, 2
 LENGTHS, COUNTED_LENGTHS = (20, 120), (5, 15)
+# A file of a hundred megabytes.
+INSPECTED_S = 37000
 SIZES = {
     "epochs": [60, 120, 240, 480, 960],
     "satellites": [8, 12, 16, 20, 24, 28, 32, 36, 40],
@@ -164,8 +166,8 @@ def program(arguments, folder):
     began = time.monotonic()
     demo_s, _ = cpu_s([arguments.kurs, "demo", "--out", f"{folder}/demo"], 1)
     demo = f"{time.monotonic() - began:.1f} s, processor {demo_s:.1f} s"
-    session(arguments, f"{folder}/rates", 9000, satellites=30)
-    observations = f"{folder}/rates/9000/A0.rnx"
+    session(arguments, f"{folder}/rates", INSPECTED_S, satellites=30)
+    observations = f"{folder}/rates/{INSPECTED_S}/A0.rnx"
     size = os.path.getsize(observations) / 1e6
     rate = megabytes_per_s(arguments, [arguments.kurs, "inspect", observations], observations)
     return table([

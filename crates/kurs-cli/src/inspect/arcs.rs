@@ -26,6 +26,7 @@ pub(super) struct Phase {
 /// Two signals of one satellite in the epoch before.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
+    signals: (Signal, Signal),
     epoch: u64,
     difference_m: f64,
 }
@@ -44,7 +45,7 @@ pub(super) struct Jumps {
 /// Follows the geometry-free combinations of all satellites.
 #[derive(Debug, Default)]
 pub(super) struct Arcs {
-    pairs: BTreeMap<(Satellite, Signal, Signal), Pair>,
+    pairs: BTreeMap<Satellite, Vec<Pair>>,
     pub(super) jumps: BTreeMap<(Signal, Signal), Jumps>,
 }
 
@@ -59,15 +60,21 @@ impl Arcs {
         step_s: Option<f64>,
     ) {
         let Some((first, others)) = phases.split_first() else { return };
+        let pairs = self.pairs.entry(satellite).or_default();
         for other in others.iter().filter(|other| other.signal.band != first.signal.band) {
             let difference_m = first.phase_m - other.phase_m;
-            let now = Pair { epoch, difference_m };
-            let before = self.pairs.insert((satellite, first.signal, other.signal), now);
-            let (Some(before), Some(step_s)) = (before, step_s) else { continue };
+            let signals = (first.signal, other.signal);
+            let now = Pair { signals, epoch, difference_m };
+            let Some(known) = pairs.iter_mut().find(|pair| pair.signals == signals) else {
+                pairs.push(now);
+                continue;
+            };
+            let before = core::mem::replace(known, now);
+            let Some(step_s) = step_s else { continue };
             if before.epoch + 1 != epoch || step_s > LONGEST_STEP_S {
                 continue;
             }
-            let jumps = self.jumps.entry((first.signal, other.signal)).or_default();
+            let jumps = self.jumps.entry(signals).or_default();
             jumps.steps += 1;
             if (difference_m - before.difference_m).abs() > JUMP_M + JUMP_MPS * step_s {
                 jumps.jumps += 1;
@@ -77,23 +84,23 @@ impl Arcs {
     }
 }
 
-/// The phases of one satellite's observations that can be expressed in metres, in the order of signals:
-/// that of a file may change within it.
-pub(super) fn phases(
+/// Replaces `phases` by those of one satellite's observations that can be expressed in metres, in the order of signals: that of a
+/// file may change within it.
+pub(super) fn fill_phases(
+    phases: &mut Vec<Phase>,
     observations: &[Observation],
     channel: Option<i8>,
     power_failure: bool,
-) -> Vec<Phase> {
-    let phase = |o: &Observation| {
+) {
+    phases.clear();
+    phases.extend(observations.iter().filter_map(|o| {
         Some(Phase {
             signal: o.signal,
             phase_m: o.phase_cycles? * o.signal.band.wavelength_m(channel)?,
             slipped: o.lock.slipped() || power_failure,
         })
-    };
-    let mut phases: Vec<Phase> = observations.iter().filter_map(phase).collect();
+    }));
     phases.sort_by_key(|phase| phase.signal);
-    phases
 }
 
 #[cfg(test)]

@@ -209,7 +209,7 @@ impl HeaderReport {
 fn signal_reports(gathered: &Gathered) -> Vec<SignalReport> {
     let report = |(signal, count): (&Signal, &SignalCount)| SignalReport {
         signal: signal.to_string(),
-        satellites: count.satellites.len(),
+        satellites: count.satellites,
         pseudoranges: count.pseudoranges,
         phases: count.phases,
         dopplers: count.dopplers,

@@ -73,7 +73,7 @@ fn times(header: &ObservationHeader, gathered: &Gathered, oddities: &mut Vec<Str
 /// Declared and never observed signals, scale factors, units.
 fn signals(header: &ObservationHeader, gathered: &Gathered, oddities: &mut Vec<String>) {
     let observed: BTreeSet<Signal> = gathered.observed().collect();
-    let seen: BTreeSet<System> = gathered.satellites.iter().map(|s| s.system).collect();
+    let seen: BTreeSet<System> = gathered.satellites.keys().map(|s| s.system).collect();
     if header.version.major >= 3 {
         let mut unused = Vec::new();
         for (system, codes) in &header.observation_types {
