@@ -27,7 +27,7 @@ pub(crate) struct AntennaFiles {
     pub(crate) options: LogOptions,
 }
 
-/// One antenna's epochs, read one ahead at the start.
+/// One antenna's epochs, read one ahead.
 struct Stream {
     name: String,
     reader: SessionReader,
@@ -115,21 +115,21 @@ impl Streams {
     /// The next instant; the buffers of `done` are filled again.
     fn next_match(&mut self, done: &mut ArrayEpoch) -> anyhow::Result<Option<ArrayEpoch>> {
         for (antenna, stream) in self.streams.iter_mut().enumerate() {
-            if self.matcher.waiting(antenna) > 0 {
-                continue;
-            }
-            let next = match stream.next.take() {
-                Some(next) => Some(next),
-                None => stream.read(reclaim(done, antenna))?,
-            };
-            let Some(next) = next else {
-                self.matcher.leave(antenna);
-                continue;
-            };
-            self.received.hold(antenna, next.time, stream.reader.take_news());
-            let found = self.matcher.push(antenna, next, NO_CLOCK_S);
-            if found.is_some() {
-                return Ok(found);
+            // An epoch that comes too late is dropped, and the next one may be in time.
+            while self.matcher.waiting(antenna) == 0 {
+                let Some(epoch) = stream.next.take() else {
+                    self.matcher.leave(antenna);
+                    break;
+                };
+                self.received.hold(antenna, epoch.time, stream.reader.take_news());
+                stream.next = stream.read(reclaim(done, antenna))?;
+                if let Some(next) = &stream.next {
+                    self.matcher.expect_interval(next.time - epoch.time);
+                }
+                let found = self.matcher.push(antenna, epoch, NO_CLOCK_S);
+                if found.is_some() {
+                    return Ok(found);
+                }
             }
         }
         Ok(self.matcher.poll(NO_CLOCK_S))

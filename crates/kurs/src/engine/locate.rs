@@ -88,7 +88,13 @@ pub(super) fn locate(
             Some(near_m) => point::solve_near(&tracked, navigation, time, by, near_m),
             None => point::solve(&tracked, navigation, time, by),
         };
-        near_m = point.as_ref().ok().map(|point| point.position_m).or(near_m);
+        if let Ok(point) = &point {
+            let is_wrong = |t: &Tracked| {
+                point.exclusions.iter().any(|e| e.satellite == t.satellite && e.is_gross())
+            };
+            tracked.retain(|satellite| !is_wrong(satellite));
+            near_m = Some(point.position_m);
+        }
         if let (0, Some(known_m), Ok(point)) = (antenna, settings.first_antenna_m, &mut point) {
             point.position_m = known_m;
             point.horizon = Horizon::at(known_m);

@@ -215,10 +215,19 @@ impl Matcher {
         self.queues.iter().filter_map(Queue::head_time).min()
     }
 
+    /// Tells of a time between two epochs of one antenna that the caller has seen ahead, s: before the fastest receiver has shown two
+    /// epochs here, a slower one's interval, or a gap, would join what does not belong together.
+    pub fn expect_interval(&mut self, interval_s: f64) {
+        if interval_s >= MIN_INTERVAL_S {
+            self.interval_s = self.interval_s.min(interval_s);
+        }
+    }
+
     fn learn_intervals(&mut self) {
-        for queue in &self.queues {
+        for antenna in 0..self.queues.len() {
+            let queue = &self.queues[antenna];
             if let (Some(head), Some(taken)) = (queue.head_time(), queue.taken) {
-                self.interval_s = self.interval_s.min((head - taken).max(MIN_INTERVAL_S));
+                self.expect_interval(head - taken);
             }
         }
     }
@@ -571,7 +580,7 @@ mod tests {
         push(&mut matcher, 1, 12.0, 12.0);
         push(&mut matcher, 0, 12.001, 12.0);
         push(&mut matcher, 1, 12.001, 12.0);
-        assert_eq!(matcher.interval_s(), Some(MIN_INTERVAL_S));
+        assert_eq!(matcher.interval_s(), Some(1.0));
     }
 
     #[test]

@@ -22,12 +22,20 @@ const SYSTEMS: usize = System::ALL.len();
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
+/// Steps with weights that fall with the residuals: each takes away a good part of what a fault has left.
+const ROBUST_ITERATIONS: usize = 60;
 /// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
 /// 2.5 µm after ten metres, as far as code leads away from the last epoch's position.
 const CONVERGED_M: f64 = 10.0;
-/// After a step below this the position is near enough (some tens of metres) for directions, weights
-/// and atmosphere to mean something.
-const ROUGH_M: f64 = 1e5;
+/// After a step below this the position is as near as ranges without atmosphere bring it, which is near enough (some tens of
+/// metres) for directions, weights and atmosphere to mean something.
+const ROUGH_M: f64 = 1e3;
+/// Standard deviation of such ranges: troposphere and ionosphere at the horizon.
+const ROUGH_SD_M: f64 = 100.0;
+/// No path and no atmosphere makes a residual of this size, but a wrong bit of a range or an orbit.
+const GROSS_M: f64 = SUSPECT * ROUGH_SD_M;
+/// From this multiple of the expected size of the residuals on, the place where the iteration began may be to blame.
+const GROSS_RMS: f64 = 30.0;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
 const MAX_RADIUS_M: f64 = 2.0e7;
 /// No model knows the ionosphere better than this, m.
@@ -59,6 +67,14 @@ pub struct Exclusion {
     pub satellite: Satellite,
     /// Its residual against the others, m.
     pub residual_m: f64,
+}
+
+impl Exclusion {
+    /// Whether nothing of the satellite is of use, not its phase either: its orbit is wrong, or the time at which it was looked up.
+    #[must_use]
+    pub fn is_gross(&self) -> bool {
+        self.residual_m.abs() > GROSS_M
+    }
 }
 
 /// Position, clock and what they rest on.
@@ -126,10 +142,18 @@ pub fn solve(
     time: GpsTime,
     settings: &PointSettings,
 ) -> Result<PointSolution, NoPosition> {
-    solved(PositionFit::new(tracked, &navigation.ionosphere, time, settings))
+    let mut fit = PositionFit::new(tracked, &navigation.ionosphere, time, settings);
+    let converged = fit.converge();
+    let mut fit = match converged {
+        Ok(()) if fit.is_consistent() => fit,
+        _ => without_gross_faults(&fit).unwrap_or(fit),
+    };
+    fit.near = true;
+    solved(fit)
 }
 
-/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere, from the Earth's centre.
+/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere or to gross contradictions, from the
+/// Earth's centre.
 ///
 /// # Errors
 ///
@@ -143,7 +167,10 @@ pub fn solve_near(
 ) -> Result<PointSolution, NoPosition> {
     let mut fit = PositionFit::new(tracked, &navigation.ionosphere, time, settings);
     (fit.position_m, fit.near) = (near_m.xyz(), true);
-    solved(fit).or_else(|_| solve(tracked, navigation, time, settings))
+    match solved(fit) {
+        Ok(solution) if solution.unit_weight_rms < GROSS_RMS => Ok(solution),
+        contradictory => solve(tracked, navigation, time, settings).or(contradictory),
+    }
 }
 
 fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
@@ -151,6 +178,44 @@ fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     // Where nothing explains the misfit, the honest larger residuals stay.
     let explained = if fit.is_consistent() { None } else { without_faults(&fit) };
     explained.unwrap_or(fit).solution()
+}
+
+/// The rough fit without the satellites that are wrong by kilometres (a bit of a range or of an ephemeris), if the others agree. Such
+/// ones draw the position so far that elevations mean nothing, or keep the iteration from its end: so they go before. The sum of
+/// the residuals' sizes, not of their squares, is made small, which a few of any size hardly move. Where one still does, it is left
+/// out from the start.
+fn without_gross_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
+    robust(whole.at_the_centre()).or_else(|| {
+        let without = |(_, satellite): &(Row, Satellite)| {
+            robust(PositionFit { excluded: vec![*satellite], ..whole.at_the_centre() })
+        };
+        whole.rows.iter().find_map(without)
+    })
+}
+
+/// The least sum of the residuals' sizes, by least squares whose weights fall with the residuals of the step before; then the fit
+/// of those that agree.
+fn robust(mut fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
+    for _ in 0..ROBUST_ITERATIONS {
+        let before: Vec<f64> = fit.rows.iter().map(|(row, _)| row.misclosure_m).collect();
+        fit.form_rows();
+        for ((row, _), residual_m) in fit.rows.iter_mut().zip(before) {
+            row.weight *= ROUGH_SD_M / residual_m.abs().max(ROUGH_SD_M);
+        }
+        if fit.step().ok()? < CONVERGED_M {
+            break;
+        }
+    }
+    let wrong = fit.rows.iter().filter(|(row, _)| row.misclosure_m.abs() > GROSS_M);
+    let wrong = wrong.map(|(_, satellite)| *satellite);
+    let excluded = fit.excluded.iter().copied().chain(wrong).collect();
+    let mut without = PositionFit { excluded, ..fit.at_the_centre() };
+    without.converge().ok()?;
+    let is_proven = without.redundancy() > 0 && without.is_consistent();
+    // Steps that had not come to their end have put good ones aside too.
+    let wrong = without.exclusions().into_iter().filter(Exclusion::is_gross);
+    without.excluded = wrong.map(|exclusion| exclusion.satellite).collect();
+    is_proven.then_some(without)
 }
 
 /// The best fit without one satellite, or else without two, if it is consistent. One fault can move
@@ -225,14 +290,18 @@ impl<'a> PositionFit<'a> {
         }
     }
 
-    /// Gauss-Newton from where it stands until the step is small.
+    /// The same observations, nothing known of the place.
+    fn at_the_centre(&self) -> Self {
+        Self::new(self.tracked, self.ionosphere, self.time, self.settings)
+    }
+
+    /// Gauss-Newton from where it stands until the step is small, by ranges with their atmosphere if that is near.
     fn converge(&mut self) -> Result<(), NoPosition> {
+        let small_m = if self.near { CONVERGED_M } else { ROUGH_M };
         for _ in 0..MAX_ITERATIONS {
             self.form_rows();
             let step_m = self.step()?;
-            let was_near = self.near;
-            self.near = step_m < ROUGH_M;
-            if was_near && step_m < CONVERGED_M {
+            if step_m < small_m {
                 self.step()?;
                 let plausible = self.position_m.norm() < MAX_RADIUS_M;
                 return if plausible { Ok(()) } else { Err(NoPosition::Diverged) };
@@ -461,7 +530,7 @@ impl Modelled {
     fn rough(satellite: &Tracked) -> Self {
         let pseudorange_m = satellite.code.pseudorange_m;
         let delay_gradient = Vector3::zeros();
-        Self { pseudorange_m, delay_m: 0.0, delay_gradient, variance_m2: 1.0 }
+        Self { pseudorange_m, delay_m: 0.0, delay_gradient, variance_m2: ROUGH_SD_M * ROUGH_SD_M }
     }
 }
 

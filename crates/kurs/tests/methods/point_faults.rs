@@ -4,7 +4,7 @@
 use kurs::atmosphere::Troposphere;
 use kurs::ephemeris::{NavigationData, SatelliteState};
 use kurs::frames::{Ecef, Geodetic, Vector};
-use kurs::point::{Code, PointSettings, PointSolution, Tracked, solve};
+use kurs::point::{Code, PointSettings, PointSolution, Tracked, solve, solve_near};
 use kurs::signal::{Band, SPEED_OF_LIGHT_MPS, Satellite, System};
 use kurs::sky::{Horizon, NoiseModel, View};
 use kurs::time::GpsTime;
@@ -95,6 +95,14 @@ impl Sky {
         solve(&self.tracked, &NavigationData::default(), time, &settings).unwrap()
     }
 
+    /// From a place two kilometres away.
+    fn solve_near(&self) -> PointSolution {
+        let settings = PointSettings { elevation_mask_rad: 0.0, noise: NOISE };
+        let time = GpsTime::from_week_tow(2320, 0.0).unwrap();
+        let near_m = self.antenna_m + Vector::new(2000.0, 0.0, 0.0);
+        solve_near(&self.tracked, &NavigationData::default(), time, &settings, near_m).unwrap()
+    }
+
     fn error_m(&self, solution: &PointSolution) -> f64 {
         (solution.position_m - self.antenna_m).norm()
     }
@@ -129,6 +137,35 @@ fn one_and_two_faults_are_excluded_and_the_position_recovers() {
     }
     println!("1000 skies with faults of 50 to 1000 m: worst position {worst_m:.2} m");
     assert!(worst_m < 15.0, "{worst_m}");
+}
+
+/// 300 skies of 14 satellites with one to three ranges or orbits wrong by kilometres to the size of an orbit, from nowhere and from
+/// near the antenna.
+#[test]
+fn gross_faults_are_excluded_before_the_position_counts() {
+    for seed in 0..300_u32 {
+        let mut sky = Sky::new(2_000_000 + u64::from(seed), 7);
+        let count = 1 + seed as usize % 3;
+        let mut expected = Vec::new();
+        for fault in 0..count {
+            let index = (seed as usize + 5 * fault) % sky.tracked.len();
+            let size_m = 10_f64.powf(sky.random.random_range(4.0..7.0));
+            let wrong = &mut sky.tracked[index];
+            match fault % 2 {
+                0 => wrong.code.pseudorange_m += size_m,
+                _ => wrong.state.position_m += Vector::new(size_m, size_m, -size_m),
+            }
+            expected.push(wrong.satellite);
+        }
+        expected.sort_unstable();
+        for solution in [sky.solve(), sky.solve_near()] {
+            let mut excluded: Vec<_> = solution.exclusions.iter().map(|e| e.satellite).collect();
+            excluded.sort_unstable();
+            assert_eq!(excluded, expected, "sky {seed}: {:?}", solution.exclusions);
+            let gross = solution.exclusions.iter().filter(|e| e.is_gross()).count();
+            assert!(gross > 0 && sky.error_m(&solution) < 20.0, "sky {seed}: {solution:?}");
+        }
+    }
 }
 
 /// 5000 clean skies: 6e-7 of 70 000 satellites is 0.04, the 99.9 % bound is 1.
