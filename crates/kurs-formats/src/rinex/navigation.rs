@@ -80,7 +80,7 @@ pub(crate) fn read(
             }
             record.begin(line, number, version);
         } else {
-            record.continue_with(line);
+            record.continue_with(line, number);
         }
     }
     finish(&mut record, data, summary);

@@ -308,6 +308,50 @@ fn spare_fields_are_not_looked_at() {
     }
 }
 
+/// A line that is cut, in a number or between two, and a number of the orbit that is blank: zero is not
+/// meant, and neither is what the digits before the cut happen to say.
+#[test]
+fn numbers_that_are_missing_are_not_zero() {
+    for (satellite, found, broken, line, columns) in [
+        ("G15", "-1.729840202902e+00-2.346932888031e-07", "", 6, "43 to 61"),
+        ("G15", "97e-12 0.000000000000e+00\n     8.8", "97e-12\n     8.8", 3, "62 to 80"),
+        ("G15", "-2.346932888031e-07", "-2.346932888031e-0", 6, "62 to 80"),
+        ("G15", "1.816562500000e+02", "                  ", 7, "24 to 42"),
+        ("C10", "0.000000000000e+00 6.200000000000e-09 2.600000000000e-09", "", 41, "24 to 42"),
+        ("R05", " 1.862645149231e-09 1.000000000000e+00", " 1.862645149231e-09", 53, "62 to 80"),
+    ] {
+        assert!(RECORDS.contains(found), "{found}");
+        let (data, summary) = read(&file_3(&RECORDS.replacen(found, broken, 1)));
+        assert!(!satellites(&data).contains(&satellite.to_owned()), "{found}");
+        assert_eq!(data.ephemerides.len(), 6, "{found}: {:?}", summary.damage);
+        let [damage] = summary.damage.listed() else { panic!("{:?}", summary.damage) };
+        let what = format!(
+            "{satellite}: no whole number in columns {columns} of line {line}; the record is left out"
+        );
+        assert_eq!(damage.what, what);
+    }
+}
+
+/// What a writer does not know it may leave blank: spare fields, the issue, an accuracy, the group delay
+/// of QZSS, the time of a GLONASS frame.
+#[test]
+fn unknown_numbers_may_be_blank() {
+    let (right, _) = read(&file_3(RECORDS));
+    let blank = " ".repeat(19);
+    for found in [
+        " 8.800000000000e+01",
+        " 2.111000000000e+03",
+        " 9.313225746155e-10",
+        " 3.618000000000e+05",
+        " 2.800000000000e+00",
+    ] {
+        assert!(RECORDS.contains(found), "{found}");
+        let (data, summary) = read(&file_3(&RECORDS.replacen(found, &blank, 1)));
+        assert_eq!(satellites(&data), satellites(&right), "{found}: {:?}", summary.damage);
+        assert_eq!(summary.damage.total(), 0, "{found}: {:?}", summary.damage);
+    }
+}
+
 /// The header of an interrupted download, and lines in front of it.
 #[test]
 fn a_header_without_an_end_or_behind_empty_lines() {

@@ -54,6 +54,19 @@ const fn glonass_need(_: Message, index: usize) -> Need {
     }
 }
 
+/// Whether a number that is needed may be left blank. RINEX lets writers leave out what they do not
+/// know: an accuracy, a group delay that QZSS marks as not to be used, of Galileo's F/NAV the delay of
+/// E5b, and for GLONASS the time of the frame. Zero is right for them; an orbit, a clock or a health of
+/// zero would be another one.
+fn may_be_blank(satellite: Satellite, message: Message, index: usize) -> bool {
+    match message {
+        Message::GlonassFdma => index == 2,
+        Message::GalileoFnav if index == 26 => true,
+        _ if satellite.system == System::Qzss && index == 25 => true,
+        _ => index == 23,
+    }
+}
+
 impl Record {
     /// The ephemeris in this record; `None` if its message is read past. A number that the ephemeris
     /// can do without is noted, one that means nothing is not looked at.
@@ -68,7 +81,10 @@ impl Record {
         self.shed_lines(satellite, message, damage)?;
         let need = if message == Message::GlonassFdma { glonass_need } else { kepler_need };
         let needed = |index: usize| need(message, index);
-        self.refuse_damage(&satellite.to_string(), |index| needed(index) == Need::Must)?;
+        let is_must = |index: usize| needed(index) == Need::Must;
+        self.refuse_damage(&satellite.to_string(), is_must)?;
+        let may_be_blank = |index| may_be_blank(satellite, message, index);
+        self.refuse_gaps(&satellite.to_string(), |i| is_must(i) && !may_be_blank(i))?;
         for (_, what) in self.damaged_values.iter().filter(|(i, _)| needed(*i) == Need::May) {
             damage.note_with(self.line, || format!("{satellite}: {what}; taken as unknown").into());
         }
@@ -85,6 +101,14 @@ impl Record {
         let number = self.damaged_values.iter().find(|(index, _)| needs(*index));
         match self.damage.as_ref().or(number.map(|(_, what)| what)) {
             Some(damage) => Err(format!("{about}: {damage}; the record is left out")),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses a record that lacks a number without which it would be another one.
+    fn refuse_gaps(&self, about: &str, needs: impl Fn(usize) -> bool) -> Result<(), String> {
+        match self.gaps.iter().find(|gap| needs(gap.index)) {
+            Some(gap) => Err(format!("{about}: {gap}; the record is left out")),
             None => Ok(()),
         }
     }
@@ -133,6 +157,7 @@ impl Record {
         let own = 3 + 4 * if found == 2 * most { most } else { least };
         self.values.truncate(own);
         self.damaged_values.retain(|(index, _)| *index < own);
+        self.gaps.retain(|gap| gap.index < own);
         Ok(())
     }
 
@@ -223,6 +248,8 @@ impl Record {
     ) -> Result<(), String> {
         self.refuse_damage("ionosphere", |index| index < 8)?;
         let system = self.satellite.map(|satellite| satellite.system);
+        let needed = if system == Some(System::Galileo) { 3 } else { 8 };
+        self.refuse_gaps("ionosphere", |index| index < needed)?;
         let v = |index| self.value(index);
         let klobuchar =
             Klobuchar { alpha: [v(0), v(1), v(2), v(3)], beta: [v(4), v(5), v(6), v(7)] };
@@ -239,6 +266,7 @@ impl Record {
     /// RINEX 4.02, table A31.
     pub(super) fn store_time_offset(&self, data: &mut NavigationData) -> Result<(), String> {
         self.refuse_damage("time offset", |index| matches!(index, 1 | 2))?;
+        self.refuse_gaps("time offset", |index| matches!(index, 1 | 2))?;
         let reference = self.date.and_then(GpsTime::from_calendar).unwrap_or_default();
         time_offset(self.offset_code, [self.value(1), self.value(2)], reference, data);
         Ok(())

@@ -1,5 +1,7 @@
 //! One record of a navigation file: its lines as a satellite, a date and numbers.
 
+use core::fmt;
+
 use kurs::signal::{Satellite, System};
 use kurs::time::Calendar;
 
@@ -8,6 +10,9 @@ use crate::rinex::fields::{columns, exponential, small_integer, text};
 
 /// Numbers that a record of 9 lines after the epoch line can have; what goes beyond is dropped.
 const VALUES_MAX: usize = 40;
+
+/// Columns of a number (D19.12).
+const NUMBER: usize = 19;
 
 /// What a record is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,6 +50,25 @@ pub(super) struct Record {
     pub(super) damage: Option<String>,
     /// Numbers that could not be read: their indices, and what stands there.
     pub(super) damaged_values: Vec<(usize, String)>,
+    /// Numbers that count as zero because nothing stands in their places.
+    pub(super) gaps: Vec<Gap>,
+}
+
+/// A field that is blank, or in which its line ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gap {
+    /// Of the number in the record.
+    pub(super) index: usize,
+    line: u64,
+    /// Counted from 0.
+    column: usize,
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (first, last) = (self.column + 1, self.column + NUMBER);
+        write!(f, "no whole number in columns {first} to {last} of line {}", self.line)
+    }
 }
 
 /// Whether a record begins with this line: a frame line, or a satellite and a date.
@@ -114,26 +138,33 @@ impl Record {
             let code = columns(line, 24..28);
             self.offset_code[..code.len()].copy_from_slice(code);
         } else {
-            self.take_numbers(line, start + 19, 3);
+            self.take_numbers(line, number, start + 19, 3);
         }
     }
 
     /// Takes one more line.
-    pub(super) fn continue_with(&mut self, line: &[u8]) {
+    pub(super) fn continue_with(&mut self, line: &[u8], number: u64) {
         self.further_lines += 1;
-        self.take_numbers(line, self.indent, 4);
+        self.take_numbers(line, number, self.indent, 4);
     }
 
-    fn take_numbers(&mut self, line: &[u8], start: usize, count: usize) {
+    fn take_numbers(&mut self, line: &[u8], number: u64, start: usize, count: usize) {
         for i in 0..count {
-            let field = start + 19 * i..start + 19 * (i + 1);
-            if self.values.len() == VALUES_MAX {
+            let column = start + NUMBER * i;
+            let field = column..column + NUMBER;
+            let index = self.values.len();
+            if index == VALUES_MAX {
                 break;
             }
-            let value = exponential(columns(line, field.clone()));
+            let there = columns(line, field.clone());
+            let value = exponential(there);
             if value.is_none() {
                 let what = format!("{:?} is not a number", text(line, field));
-                self.damaged_values.push((self.values.len(), what));
+                self.damaged_values.push((index, what));
+            } else if there.len() < NUMBER || there.trim_ascii().is_empty() {
+                // Numbers end in the last column of their fields: one that ends before lost digits,
+                // and maybe its exponent.
+                self.gaps.push(Gap { index, line: number, column });
             }
             self.values.push(value.unwrap_or(0.0));
         }
