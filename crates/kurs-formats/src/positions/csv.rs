@@ -169,7 +169,10 @@ impl Columns {
             Some(columns) if columns.iter().all(|column| !fields[*column].is_empty()) => {
                 let sd = numbers(columns)?;
                 if sd.iter().any(|sd| *sd <= 0.0) {
-                    return Err(format!("standard deviations {sd:?} are not positive"));
+                    let [north, east, down] = sd;
+                    return Err(format!(
+                        "standard deviations {north}, {east} and {down} are not all positive"
+                    ));
                 }
                 Some(sd)
             }
@@ -324,6 +327,17 @@ mod tests {
         assert_eq!(found.unwrap().len(), 1);
         assert_eq!(damage.total(), 5);
         assert_eq!(damage.listed()[0].line, 2);
+    }
+
+    #[test]
+    fn wrong_standard_deviations_are_named() {
+        let (_, damage) = fixes(
+            "gps_week,tow_s,name,x_m,y_m,z_m,sd_north_m,sd_east_m,sd_down_m\n\
+             2200,1,bow,6378137,0,0,0.01,-0.5,0.02\n",
+        );
+        let [damage] = damage.listed() else { panic!("{damage:?}") };
+        let what = "standard deviations 0.01, -0.5 and 0.02 are not all positive";
+        assert!(damage.what.contains(what), "{}", damage.what);
     }
 
     #[test]

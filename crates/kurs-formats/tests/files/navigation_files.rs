@@ -308,6 +308,20 @@ fn spare_fields_are_not_looked_at() {
     }
 }
 
+/// A date that the calendar does not have stands in the damage as it stands in the file.
+#[test]
+fn wrong_dates_are_told_as_they_stand() {
+    for (satellite, found, broken) in [
+        ("G15", "2020 06 25 04 00 00", "2020 13 25 04 00 00"),
+        ("R05", "2020 06 25 04 45 00", "2020 06 31 04 45 00"),
+    ] {
+        let (_, summary) = read(&file_3(&RECORDS.replacen(found, broken, 1)));
+        let [damage] = summary.damage.listed() else { panic!("{:?}", summary.damage) };
+        let what = format!("{satellite}: \"{broken}\" is not a date since 1980");
+        assert_eq!(damage.what, what);
+    }
+}
+
 /// A line that is cut, in a number or between two, and a number of the orbit that is blank: zero is not
 /// meant, and neither is what the digits before the cut happen to say.
 #[test]

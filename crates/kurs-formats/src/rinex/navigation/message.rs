@@ -129,10 +129,14 @@ impl Record {
         }
     }
 
+    fn wrong_date(&self, satellite: Satellite) -> String {
+        format!("{satellite}: {:?} is not a date since 1980", self.date_text)
+    }
+
     /// The date of the record on a scale that counts days as GPST does.
     fn time(&self, satellite: Satellite) -> Result<GpsTime, String> {
         let time = self.date.and_then(GpsTime::from_calendar);
-        time.ok_or_else(|| format!("{satellite}: {:?} is not a date since 1980", self.date))
+        time.ok_or_else(|| self.wrong_date(satellite))
     }
 
     /// Refuses a record with a line too many: its numbers are not where they belong. As many as a whole
@@ -216,10 +220,9 @@ impl Record {
         self.refuse_shorter_than(4, satellite)?;
         let v = |index| self.value(index);
         let vector_km = |x, y, z| Vector::new(v(x), v(y), v(z)) * 1e3;
-        self.time(satellite)?;
-        let date = self.date.ok_or_else(|| format!("{satellite}: no date"))?;
-        let reference_time =
-            GpsTime::from_utc(date).ok_or_else(|| format!("{satellite}: {date:?}"))?;
+        let in_utc = |date| Some((date, GpsTime::from_utc(date)?));
+        let (date, reference_time) =
+            self.date.and_then(in_utc).ok_or_else(|| self.wrong_date(satellite))?;
         let accuracy_index = self.has(17).then(|| whole(v(17))).flatten();
         let accuracy_m =
             accuracy_index.and_then(|index| GLONASS_ACCURACY_M.get(usize::from(index)));

@@ -39,6 +39,8 @@ pub(super) struct Record {
     /// Which time scales a RINEX 4 STO record is about.
     pub(super) offset_code: [u8; 4],
     pub(super) date: Option<Calendar>,
+    /// The date as the file has it.
+    pub(super) date_text: String,
     /// The numbers in their order, without the date.
     pub(super) values: Vec<f64>,
     has_lines: bool,
@@ -131,8 +133,9 @@ impl Record {
         let start = indent(line, version);
         self.indent = start;
         self.date = calendar(columns(line, start - 1..start + 19));
+        self.date_text = text(line, start..start + 19);
         if self.date.is_none() {
-            self.note(format!("{:?} is not a date and time", text(line, start..start + 19)));
+            self.note(format!("{:?} is not a date and time", self.date_text));
         }
         if self.kind == Kind::TimeOffset {
             let code = columns(line, 24..28);
