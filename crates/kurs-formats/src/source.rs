@@ -170,7 +170,7 @@ impl Source {
             [0x1f, 0x8b | 0x9d, ..] => None,
             [b'B', b'Z', b'h', b'1'..=b'9', ..] => Some("bzip2"),
             [b'P', b'K', 3, 4, ..] => Some("a ZIP archive"),
-            [0xfd, b'7', b'z', b'X', b'Z', 0] => Some("xz"),
+            [0xfd, b'7', b'z', b'X', b'Z', 0, ..] => Some("xz"),
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("zstd"),
             [0xef, 0xbb, 0xbf, ..] => {
                 self.next += 3;
@@ -444,10 +444,20 @@ mod tests {
         assert_eq!(found.len(), 2);
     }
 
+    /// Of each the first bytes, and more behind them.
     #[test]
     fn other_compressions_are_named() {
-        let error = Source::new(&b"BZh91AY"[..], "x.bz2").unwrap_err();
-        assert!(error.to_string().contains("bzip2"), "{error}");
+        for (start, name) in [
+            (&b"BZh91AY"[..], "bzip2"),
+            (b"PK\x03\x04\x14\x00", "a ZIP archive"),
+            (b"\xfd7zXZ\x00", "xz"),
+            (b"\x28\xb5\x2f\xfd", "zstd"),
+        ] {
+            let file = [start, &[4; 100]].concat();
+            let error = Source::new(io::Cursor::new(file), "packed").unwrap_err();
+            let what = format!("packed: found {name} compression, expected plain text");
+            assert!(error.to_string().starts_with(&what), "{error}");
+        }
     }
 
     #[test]
