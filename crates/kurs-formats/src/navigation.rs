@@ -45,8 +45,8 @@ pub fn read_near(
         }
         other => return Err(source.wrong_content(other.to_string(), EXPECTED)),
     }
-    if let Some(reason) = source.broken_off() {
-        summary.damage.note(source.line_number(), reason.to_owned());
+    if let Some(reason) = source.take_broken_off() {
+        summary.damage.note(source.line_number(), reason);
     }
     Ok(summary)
 }

@@ -311,10 +311,10 @@ impl Source {
         self.line_held = true;
     }
 
-    /// Why the packed data ended before its end, if it did: what came before is good.
-    #[must_use]
-    pub fn broken_off(&self) -> Option<&str> {
-        self.broken_off.as_deref()
+    /// Why the packed data ended before its end, if it did: what came before is good. It is told once,
+    /// because readers come to the end of a file more than once.
+    pub const fn take_broken_off(&mut self) -> Option<String> {
+        self.broken_off.take()
     }
 
     /// An error that says what was found here instead of what was expected.
@@ -421,7 +421,7 @@ mod tests {
         let mut source = Source::new(&b"\x1f\x9d\x90a\xfe\xff\xff"[..], "test").unwrap();
         assert!(source.advance().unwrap());
         assert_eq!(source.line(), b"a");
-        assert!(source.broken_off().is_some());
+        assert!(source.take_broken_off().is_some());
     }
 
     #[test]
@@ -432,7 +432,7 @@ mod tests {
         let mut source = Source::new(io::Cursor::new(cut), "test").unwrap();
         while source.advance().unwrap() {}
         assert!(source.line_number() > 5000, "{}", source.line_number());
-        assert!(source.broken_off().is_some());
+        assert!(source.take_broken_off().is_some());
     }
 
     #[test]

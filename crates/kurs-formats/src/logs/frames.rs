@@ -111,8 +111,8 @@ impl FrameScanner {
                 let bytes = source.start(wanted)?;
                 if bytes.is_empty() {
                     self.note_skipped(damage);
-                    if let Some(reason) = source.broken_off() {
-                        damage.note(self.offset, reason.to_owned());
+                    if let Some(reason) = source.take_broken_off() {
+                        damage.note(self.offset, reason);
                     }
                     return Ok(None);
                 }

@@ -1,6 +1,8 @@
 //! Observation files of a few lines each: every rule of the format, and every way to break it.
 #![allow(clippy::unwrap_used, clippy::ptr_arg)] // a test; all ways to break lines have one type
 
+use std::io::Write;
+
 use kurs::observation::{AntennaEpoch, Lock, Observation};
 use kurs::signal::Signal;
 use kurs_formats::rinex::observation::ObservationReader;
@@ -72,6 +74,27 @@ fn find<'a>(epoch: &'a AntennaEpoch, satellite: &str, signal: &str) -> &'a Obser
     let wanted =
         |o: &&Observation| o.satellite.to_string() == satellite && o.signal.to_string() == signal;
     epoch.observations.iter().find(wanted).unwrap()
+}
+
+/// The end is reached more than once, because the last epoch waits for one behind it.
+#[test]
+fn packed_data_that_is_cut_is_told_once() {
+    let mut text = header_3("3.05", 'G', &[GPS_TYPES]);
+    for second in 0..40 {
+        text += &epoch_3(second, 0, 1);
+        text += &gps("G01", 2.2e7 + f64::from(second * second) * 7.7, 1.1e8, "");
+    }
+    let mut packed = Vec::new();
+    let mut encoder = flate2::write::GzEncoder::new(&mut packed, flate2::Compression::fast());
+    encoder.write_all(text.as_bytes()).unwrap();
+    encoder.finish().unwrap();
+    packed.truncate(packed.len() - 4);
+    let mut reader = ObservationReader::new(std::io::Cursor::new(packed), "cut.gz").unwrap();
+    let mut epoch = AntennaEpoch::default();
+    while reader.next_epoch(&mut epoch).unwrap() {}
+    assert!(!reader.next_epoch(&mut epoch).unwrap());
+    let [damage] = reader.damage() else { panic!("{:?}", reader.damage()) };
+    assert!(damage.what.starts_with("the packed data is damaged"), "{}", damage.what);
 }
 
 const GPS_TYPES: (&str, &str) = ("G    4 C1C L1C D1C S1C", "SYS / # / OBS TYPES");

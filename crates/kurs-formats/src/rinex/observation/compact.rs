@@ -182,6 +182,10 @@ impl CompactLines {
         &self.source
     }
 
+    pub(super) const fn source_mut(&mut self) -> &mut Source {
+        &mut self.source
+    }
+
     /// The satellites behind the epoch line under the cursor, in the order of the file.
     pub(super) fn rows(&self) -> &[Row] {
         &self.rows

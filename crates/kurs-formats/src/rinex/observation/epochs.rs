@@ -85,8 +85,8 @@ impl RawEpochs for EpochReader {
                 | EpochFlag::ExternalEvent => self.read_event(line.count)?,
             }
         }
-        if let Some(reason) = self.lines.source().broken_off() {
-            self.damage.note(self.lines.line_number(), reason.to_owned());
+        if let Some(reason) = self.lines.source_mut().take_broken_off() {
+            self.damage.note(self.lines.line_number(), reason);
         }
         epoch.observations.clear();
         Ok(None)

@@ -56,4 +56,10 @@ impl Lines {
             Self::Compact(lines) => lines.source(),
         }
     }
+    pub(super) const fn source_mut(&mut self) -> &mut Source {
+        match self {
+            Self::Plain(source) => source,
+            Self::Compact(lines) => lines.source_mut(),
+        }
+    }
 }
