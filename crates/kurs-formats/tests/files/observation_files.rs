@@ -154,6 +154,93 @@ fn observation_types_change_in_mid_file() {
     assert_eq!(reader.header().approximate_position_m.unwrap().xyz().z, 3.0);
 }
 
+/// Signals with what is in their pseudoranges.
+type Ranges = Vec<(String, Option<f64>)>;
+
+/// What stands in the columns that are named, and what is said of the header.
+fn read_list(header: &str, satellite: &str) -> (Ranges, Vec<(u64, String)>) {
+    let text = header.to_owned() + satellite;
+    let (epochs, _) = read(&text);
+    let observed = epochs.iter().flat_map(|epoch| &epoch.observations);
+    let observed = observed.map(|o| (o.signal.to_string(), o.pseudorange_m)).collect();
+    let damage = open_damage(&text).into_iter().map(|d| (d.line, d.what.into_owned())).collect();
+    (observed, damage)
+}
+
+/// A name that is lost does not move those behind it into other columns.
+#[test]
+fn observation_types_that_are_fewer_than_declared_keep_their_columns() {
+    let satellite = |count: u32| {
+        let fields: String = (1..=count).map(|i| field(f64::from(i), "")).collect();
+        format!("{}G01{fields}\n", epoch_3(0, 0, 1))
+    };
+    let label = "SYS / # / OBS TYPES";
+    let many = "G   15 C1C S1C C1W S1W C2W S2W C2L S2L C2S S2S C5I S5I C5Q";
+    let ranges = |named: &[(&str, f64)]| -> Ranges {
+        named.iter().map(|(name, range)| ((*name).to_owned(), Some(*range))).collect()
+    };
+    let first_line = [
+        ("G1C", 1.0),
+        ("G1W", 3.0),
+        ("G2W", 5.0),
+        ("G2L", 7.0),
+        ("G2S", 9.0),
+        ("G5I", 11.0),
+        ("G5Q", 13.0),
+    ];
+    let nameless = "columns without a name are not read";
+    let unknown = "which columns are those behind the first line is unknown, they are not read";
+    for (records, fields, expected, damage) in [
+        (vec!["G    3 C1C     C5Q"], 3, &[("G1C", 1.0), ("G5Q", 3.0)][..], ("2", "3", nameless)),
+        (vec!["G    3 C1C C2W"], 3, &[("G1C", 1.0), ("G2W", 2.0)], ("2", "3", nameless)),
+        (
+            vec![many, "           C5X"],
+            15,
+            &[first_line.as_slice(), &[("G5X", 15.0)]].concat(),
+            ("14", "15", nameless),
+        ),
+        (vec![&many.replace("15", "30"), "       S5Q C5X"], 30, &first_line, ("15", "30", unknown)),
+        (vec![many], 15, &first_line, ("13", "15", unknown)),
+        (
+            vec!["G    2 C1C C2W C5Q"],
+            3,
+            &[("G1C", 1.0), ("G2W", 2.0), ("G5Q", 3.0)],
+            ("3", "2", "all of them are read"),
+        ),
+    ] {
+        let records: Vec<_> = records.iter().map(|content| (*content, label)).collect();
+        let (observed, told) = read_list(&header_3("3.05", 'G', &records), &satellite(fields));
+        let observed: Vec<_> = observed.into_iter().filter(|(_, range)| range.is_some()).collect();
+        assert_eq!(observed, ranges(expected), "{records:?}");
+        let (found, declared, fate) = damage;
+        let what = format!("GPS: {found} observation types instead of {declared}; {fate}");
+        assert_eq!(told, [(2, what)], "{records:?}");
+    }
+    // Places that are free at the end of a record are no columns.
+    let records = [("G    3 C1C C2W", label), ("       C5Q", label)];
+    let (observed, told) = read_list(&header_3("3.05", 'G', &records), &satellite(3));
+    assert_eq!(observed, ranges(&[("G1C", 1.0), ("G2W", 2.0), ("G5Q", 3.0)]));
+    assert_eq!(told, []);
+}
+
+#[test]
+fn observation_types_of_rinex_2_keep_their_columns() {
+    let satellite =
+        epoch_2(0, 0, &["G 1"]) + &[1.0, 2.0, 3.0].map(|number| field(number, "")).concat() + "\n";
+    let header = header_2('G', "    C1    L1    P2");
+    let (whole, told) = read_list(&header, &satellite);
+    assert_eq!((whole.len(), told.len()), (2, 0));
+    let header = header.replace("    C1    L1    P2", "    C1          P2");
+    let (observed, told) = read_list(&header, &satellite);
+    assert_eq!(observed, whole);
+    let what = "2 observation types instead of 3; columns without a name are not read";
+    assert_eq!(told, [(2, what.to_owned())]);
+    let (observed, told) = read_list(&header.replace("     3    C1", "     x    C1"), &satellite);
+    assert_eq!(observed, whole);
+    let what = "the number of observation types is unreadable, 2 are named";
+    assert_eq!(told, [(2, what.to_owned())]);
+}
+
 #[test]
 fn observation_types_of_rinex_2_change_in_mid_file() {
     let text = header_2('G', "    C1    L1")

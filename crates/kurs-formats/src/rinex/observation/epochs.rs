@@ -146,6 +146,7 @@ impl EpochReader {
             }
             records.read(&mut self.header, self.lines.line(), number, &mut self.damage);
         }
+        records.end_types(&mut self.damage);
         if self.header.observation_types.is_empty() {
             return Err(self.lines.source().bad_line("the header declares no observation types"));
         }
@@ -188,6 +189,7 @@ impl EpochReader {
                 break;
             }
         }
+        records.end_types(&mut self.damage);
         self.slips.mark_all();
         self.lay_out_columns();
         Ok(())
@@ -226,6 +228,7 @@ impl EpochReader {
             }
             records.read(&mut self.header, self.lines.line(), number, &mut self.damage);
         }
+        records.end_types(&mut self.damage);
         self.lay_out_columns();
         Ok(())
     }

@@ -8,6 +8,7 @@ use kurs::observation::{Lock, Observation};
 use kurs::signal::{Band, Satellite, Signal, System};
 use kurs::time::{Calendar, GPST_MINUS_BDT_S, GpsTime};
 
+use super::type_list::TypeList;
 use crate::damage::DamageLog;
 use crate::rinex::fields::{columns, decimal, integer, label, small_integer, text};
 
@@ -225,13 +226,13 @@ impl ObservationHeader {
 /// `HeaderRecords` into the header that is in force.
 #[derive(Debug, Default)]
 pub(super) struct HeaderRecords {
-    types_of: Option<System>,
+    types: Option<TypeList>,
     scale_of: Option<usize>,
     shift_of: Option<usize>,
     biases_begun: bool,
 }
 
-/// Columns of a system that are kept; the header of a sane file stays far below.
+/// Codes of a scale factor that are kept; the header of a sane file stays far below.
 const CODES_MAX: usize = 200;
 /// Scale factors and phase shifts that are kept, events without end notwithstanding.
 const RECORDS_MAX: usize = 1000;
@@ -270,9 +271,9 @@ impl HeaderRecords {
             b"TIME OF LAST OBS" => {
                 calendar(line).map(|date| header.last_epoch = header.time_system.instant(date))
             }
-            b"# / TYPES OF OBSERV" => self.types_2(header, line),
+            b"# / TYPES OF OBSERV" => self.types_2(header, line, line_number, damage),
             b"WAVELENGTH FACT L1/2" => wavelength_factors(header, line),
-            b"SYS / # / OBS TYPES" => self.types_3(header, line),
+            b"SYS / # / OBS TYPES" => self.types_3(header, line, line_number, damage),
             b"SYS / SCALE FACTOR" => self.scale(header, line),
             b"SYS / PHASE SHIFT" | b"SYS / PHASE SHIFTS" => self.phase_shift(header, line),
             b"GLONASS SLOT / FRQ #" => slots(header, line),
@@ -303,40 +304,55 @@ impl HeaderRecords {
         Some(())
     }
 
-    /// `I6,9(4X,A2)`; the number is blank on continuation lines. One list for all systems.
-    fn types_2(&mut self, header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
-        let begins = !columns(line, 0..6).trim_ascii().is_empty();
-        for system in System::ALL {
-            let types = header.observation_types.entry(system).or_default();
-            if begins {
-                types.clear();
-            }
-            for place in 0..9 {
-                let name = columns(line, 10 + 6 * place..12 + 6 * place);
-                if let &[quantity, band] = name
-                    && name != b"  "
-                    && types.len() < CODES_MAX
-                {
-                    types.push(ObservationCode([quantity, band, b' ']));
-                }
-            }
+    /// Ends the list of types that is open: now it should have all its names.
+    pub(super) fn end_types(&mut self, damage: &mut DamageLog) {
+        if let Some(list) = self.types.take() {
+            list.note_count(damage);
         }
-        (!begins || integer(columns(line, 0..6)).is_some()).then_some(())
+    }
+
+    /// `I6,9(4X,A2)`; the number is blank on continuation lines. One list for all systems.
+    fn types_2(
+        &mut self,
+        header: &mut ObservationHeader,
+        line: &[u8],
+        line_number: u64,
+        damage: &mut DamageLog,
+    ) -> Option<()> {
+        const NAMES: usize = 9;
+        let declared = columns(line, 0..6);
+        if self.types.is_none() || !declared.trim_ascii().is_empty() {
+            self.end_types(damage);
+            self.types = Some(TypeList::begin(line_number, None, declared, NAMES));
+        }
+        let list = self.types.as_mut()?;
+        list.take((0..NAMES).map(|place| match *columns(line, 10 + 6 * place..12 + 6 * place) {
+            [b' ', b' '] => None,
+            [quantity, band] => Some(ObservationCode([quantity, band, b' '])),
+            _ => None,
+        }));
+        header.observation_types = System::ALL.map(|system| (system, list.columns())).into();
+        Some(())
     }
 
     /// `A1,2X,I3,13(1X,A3)`; system and number are blank on continuation lines.
-    fn types_3(&mut self, header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
+    fn types_3(
+        &mut self,
+        header: &mut ObservationHeader,
+        line: &[u8],
+        line_number: u64,
+        damage: &mut DamageLog,
+    ) -> Option<()> {
+        const NAMES: usize = 13;
         let letter = line.first().copied().unwrap_or(b' ');
         if letter != b' ' {
-            self.types_of = System::from_letter(letter);
-            header.observation_types.remove(&self.types_of?);
+            self.end_types(damage);
+            let system = Some(System::from_letter(letter)?);
+            self.types = Some(TypeList::begin(line_number, system, columns(line, 3..6), NAMES));
         }
-        let types = header.observation_types.entry(self.types_of?).or_default();
-        for code in codes(line, 7, 13) {
-            if types.len() < CODES_MAX {
-                types.push(code);
-            }
-        }
+        let list = self.types.as_mut()?;
+        list.take(places(line, 7, NAMES));
+        header.observation_types.insert(list.system?, list.columns());
         Some(())
     }
 
@@ -359,7 +375,7 @@ impl HeaderRecords {
         }
         let scale = header.scale_factors.get_mut(self.scale_of?)?;
         if scale.codes.len() < CODES_MAX {
-            scale.codes.extend(codes(line, 11, 12));
+            scale.codes.extend(places(line, 11, 12).flatten());
         }
         Some(())
     }
@@ -443,9 +459,13 @@ fn calendar(line: &[u8]) -> Option<Calendar> {
     })
 }
 
-/// Codes of three characters, each after a blank.
-fn codes(line: &[u8], start: usize, count: usize) -> impl Iterator<Item = ObservationCode> + '_ {
-    (0..count).filter_map(move |place| {
+/// Codes of three characters, each after a blank; `None` where none stands.
+fn places(
+    line: &[u8],
+    start: usize,
+    count: usize,
+) -> impl Iterator<Item = Option<ObservationCode>> + '_ {
+    (0..count).map(move |place| {
         let at = start + 4 * place;
         let name = <[u8; 3]>::try_from(columns(line, at..at + 3)).ok()?;
         (name != [b' '; 3]).then_some(ObservationCode(name))

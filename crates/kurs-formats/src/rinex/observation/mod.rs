@@ -11,6 +11,7 @@ mod events;
 mod fields;
 mod header;
 mod lines;
+mod type_list;
 
 use std::collections::BTreeMap;
 use std::io::Read;
