@@ -239,6 +239,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let wall_s = progress.finish();
 
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    damage.extend(streams.late());
     if summary.epochs() == 0 {
         bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
     }

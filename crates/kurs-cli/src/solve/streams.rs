@@ -14,6 +14,7 @@ use kurs_formats::fingerprint::Fingerprint;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::session::{FileDamage, SessionReader};
 
+use crate::summary::Damage;
 use crate::window::Window;
 
 /// Files are read without a clock: whoever is missing is waited for.
@@ -170,6 +171,18 @@ impl Streams {
     /// Everything that was damaged so far.
     pub(crate) fn damage(&self) -> Vec<FileDamage> {
         self.streams.iter().chain(&self.station).flat_map(|s| s.reader.damage()).collect()
+    }
+
+    /// Epochs that are in no row, as rows of their time had gone out without them.
+    pub(super) fn late(&self) -> impl Iterator<Item = Damage> {
+        let counts = self.streams.iter().enumerate().map(|(i, s)| (&s.name, self.matcher.late(i)));
+        counts.filter(|(_, count)| *count > 0).map(|(name, count)| Damage {
+            file: format!("antenna {name}"),
+            line: 0,
+            what: format!(
+                "{count} epochs are too near behind those before them for rows of their own"
+            ),
+        })
     }
 
     /// Time span of each antenna in words, for the message that they do not overlap.

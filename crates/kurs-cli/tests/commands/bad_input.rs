@@ -276,3 +276,30 @@ fn a_closed_pipe_ends_the_program_quietly() {
     assert!(!stderr.contains("panicked"), "{stderr}");
     assert_eq!(output.status.code(), None, "ended by the signal: {stderr}");
 }
+
+/// A fast receiver that is switched on while a slow one runs, and an epoch that is dated a minute too early: neither an unusual
+/// interval nor an epoch that is dropped ends the session.
+#[test]
+fn every_epoch_has_its_row_whatever_comes_before() {
+    let folder = Folder::new();
+    let slow = observations(8, 20);
+    let (header, _) = slow.split_once("> ").unwrap();
+    let mut fast = header.to_owned();
+    for tenths in 56..=190 {
+        fast += &format!("> 2024 06 24 08 00 {:>2}.{}000000  0  1\n", tenths / 10, tenths % 10);
+        fast += "G05  22000000.000   115600000.000  \n";
+    }
+    folder.write("slow.obs", &slow);
+    folder.write("fast.obs", fast);
+    folder.write("early.obs", slow.replacen("08 00 00.0", "07 59 01.0", 1));
+    let rows = |antennas: &[&str]| {
+        let files = antennas.iter().map(|name| format!("{{}}/{name}"));
+        let arguments: Vec<String> = files.chain(["--nav".into(), "{}/good.nav".into()]).collect();
+        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+        let _ = folder.solve(&arguments);
+        fs::read_to_string(folder.path("out/attitude.csv")).unwrap().lines().count() - 1
+    };
+    assert_eq!(rows(&["slow.obs", "fast.obs"]), 20 + 121);
+    assert_eq!(rows(&["fast.obs", "slow.obs", "slow.obs"]), 20 + 121);
+    assert_eq!(rows(&["early.obs", "b.obs"]), 1 + 20);
+}
