@@ -32,6 +32,11 @@ impl SessionSpan {
         }
     }
 
+    /// How many rows there are.
+    pub(crate) fn rows(&self) -> u64 {
+        self.rows
+    }
+
     /// Time of the first row.
     pub(crate) fn first(&self) -> Option<GpsTime> {
         self.first

@@ -22,6 +22,7 @@ pub(super) fn findings(
 ) -> Vec<Finding> {
     let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
     all.extend(patient.interference(sample));
+    all.extend(patient.rates(sample));
     if fixed_of_session(sample, trials) < WELL {
         let times = patient.times(sample, trials);
         all.extend(times);
@@ -72,16 +73,22 @@ pub(super) fn findings(
 
 /// Share of the session's epochs that are fixed, gaps included.
 pub(super) fn fixed_of_session(sample: &Sample, trials: &Trials) -> f64 {
-    let there = sample.session.epochs() - sample.session.missing();
-    let share = there as f64 / sample.session.epochs().max(1) as f64;
-    share * trials.configured.share(Status::Fixed)
+    let epochs = sample.attendance.session().epochs();
+    sample.solvable() as f64 / epochs.max(1) as f64 * trials.configured.share(Status::Fixed)
 }
 
 /// By the most frequent reason alone.
 fn unexplained(sample: &Sample, trials: &Trials, integers: &Integers) -> Option<Finding> {
+    let (of, alone) = (sample.epochs.len(), sample.of() - sample.solvable());
     let reasons = trials.configured.reasons();
-    let (word, count) = reasons.iter().max_by_key(|(_, count)| **count)?;
-    let of = sample.epochs.len();
+    let most = reasons.iter().max_by_key(|(_, count)| **count);
+    let in_session =
+        most.map_or(0.0, |(_, count)| *count as f64 / of as f64 * sample.solvable() as f64);
+    if alone as f64 > in_session {
+        let evidence = format!("one antenna is alone in {alone} of {} epochs", sample.of());
+        return Some(reasons::unexplained("few_antennas", evidence));
+    }
+    let (word, count) = most?;
     let mut evidence = format!("`{word}` in {count} of {of} epochs, and no trial fixes more");
     if let Some(check) = integers.sentence_of(word) {
         evidence = format!("{evidence}; {check}");

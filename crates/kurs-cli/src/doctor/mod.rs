@@ -4,6 +4,7 @@
 //! one system, without one antenna. What the trials have in common is no cause; what one of them
 //! mends is.
 
+mod attendance;
 mod causes;
 mod diagnosis;
 mod geometry;
@@ -91,7 +92,7 @@ struct Examination {
 #[derive(Serialize)]
 struct File<'a> {
     version: &'static str,
-    epochs: usize,
+    epochs: u64,
     sampled: usize,
     fixed_of_session: Option<f64>,
     findings: &'a [Finding],
@@ -115,7 +116,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Examination { sample, trials, integers, views, noise, signals, findings } = &examination;
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
-        epochs: sample.of,
+        epochs: sample.of(),
         sampled: sample.epochs.len(),
         fixed_of_session: examination.fixed_of_session(),
         findings,
@@ -215,8 +216,7 @@ impl Examination {
     fn text(&self, names: &[String], every_signal: bool) -> String {
         let mut text = String::new();
         if let Some(trials) = &self.trials {
-            let (sampled, of) = (self.sample.epochs.len(), self.sample.of);
-            let _ = writeln!(text, "{sampled} of {of} epochs were solved in each of these ways:");
+            let _ = writeln!(text, "{} were solved in each of these ways:", self.sample.size());
             text += &trials.text();
             for sentence in self.integers.sentences(names) {
                 let _ = writeln!(text, "as configured: {sentence}");

@@ -1,9 +1,8 @@
 //! Are the observations there: of every antenna, at the same instants, with ephemerides, in common
 //! bands, and of antennas that are different ones?
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use kurs::observation::AntennaEpoch;
 use kurs::signal::Band;
 use kurs::time::GpsTime;
 
@@ -16,23 +15,27 @@ use crate::summary::Damage;
 impl Patient<'_> {
     /// Antennas that are not there together.
     pub(super) fn times(&self, sample: &Sample, trials: &Trials) -> Option<Finding> {
-        let present = |antenna: usize| {
-            let there = sample.epochs.iter().filter(|e| e.antennas[antenna].is_some());
-            there.count() as f64 / sample.epochs.len() as f64
-        };
+        let attendance = &sample.attendance;
         let apart = trials.configured.share_apart();
         if apart > MANY {
             return Some(self.unsynchronised(sample, apart));
         }
-        if trials.configured.share_of_reason("few_antennas") < MANY {
+        if attendance.share_alone() < MANY {
             return None;
         }
-        if take_turns(sample) {
+        if attendance.take_turns() {
             return Some(self.unsynchronised(sample, 1.0));
         }
-        let shares: Vec<String> = (0..self.names.len())
-            .map(|a| format!("{} {:.0} %", self.names[a], 100.0 * present(a)))
-            .collect();
+        let at_own_rate: Vec<f64> =
+            (0..self.names.len()).map(|antenna| attendance.share_at_own_rate(antenna)).collect();
+        // A slow receiver that has all of its epochs is told by its rate.
+        let has_slow = attendance.different_rates(self.names).is_some();
+        if has_slow && at_own_rate.iter().all(|share| *share > 1.0 - MANY) {
+            return None;
+        }
+        let shares = self.names.iter().zip(&at_own_rate);
+        let shares: Vec<String> =
+            shares.map(|(name, share)| format!("{name} {:.0} %", 100.0 * share)).collect();
         Some(Finding {
             code: "missing_antenna",
             cause: "the antennas are not observed at the same time".into(),
@@ -41,17 +44,24 @@ impl Patient<'_> {
         })
     }
 
+    /// Receivers of different rates.
+    pub(super) fn rates(&self, sample: &Sample) -> Option<Finding> {
+        Some(Finding {
+            code: "different_rates",
+            cause: "the receivers observe at different rates".into(),
+            evidence: sample.attendance.different_rates(self.names)?,
+            advice: "set all receivers to the same rate, or take the epochs that they have in \
+                     common with `--every SECONDS`"
+                .into(),
+        })
+    }
+
     /// Receivers that sample at different instants.
     fn unsynchronised(&self, sample: &Sample, share: f64) -> Finding {
-        let tags = |antenna: usize| {
-            let epochs = sample.epochs.iter().filter_map(move |e| e.antennas[antenna].as_ref());
-            epochs.map(|e| e.time)
-        };
         let within_second = |time: GpsTime| time.tow_s().rem_euclid(1.0);
+        let first = |antenna: usize| sample.attendance.of_antenna(antenna).first();
         let offsets: Vec<String> = (0..self.names.len())
-            .filter_map(|a| {
-                Some(format!("{} at {:.3} s", self.names[a], within_second(tags(a).next()?)))
-            })
+            .filter_map(|a| Some(format!("{} at {:.3} s", self.names[a], within_second(first(a)?))))
             .collect();
         Finding {
             code: "unsynchronised",
@@ -89,7 +99,8 @@ impl Patient<'_> {
     /// Wanted bands that no two antennas have.
     pub(super) fn bands(&self, sample: &Sample) -> Option<Finding> {
         let of_antenna = |antenna: usize| -> BTreeSet<Band> {
-            let epochs = sample.epochs.iter().filter_map(|e| e.antennas[antenna].as_ref());
+            let sampled = sample.epochs.iter().chain(&sample.alone);
+            let epochs = sampled.filter_map(|e| e.antennas[antenna].as_ref());
             epochs.flat_map(|e| e.observations.iter().map(|o| o.signal.band)).collect()
         };
         let have: Vec<BTreeSet<Band>> = (0..self.names.len()).map(of_antenna).collect();
@@ -124,14 +135,15 @@ pub(super) fn one_recording(names: &[String], sample: &Sample) -> Option<Finding
 
 /// Times in which no antenna has an epoch.
 pub(super) fn gaps(sample: &Sample) -> Option<Finding> {
-    let (missing, epochs) = (sample.session.missing(), sample.session.epochs());
+    let session = sample.attendance.session();
+    let (missing, epochs) = (session.missing(), session.epochs());
     let share = missing as f64 / epochs.max(1) as f64;
     (share > 1.0 - WELL).then(|| Finding {
         code: "gaps",
         cause: format!("no antenna has any observations in {:.0} % of the session", 100.0 * share),
         evidence: format!(
             "{missing} of {epochs} epochs are missing at the interval of {:.3} s; {}",
-            sample.session.interval_s().unwrap_or(0.0),
+            session.interval_s().unwrap_or(0.0),
             sample.spans
         ),
         advice: "look for files that are missing, and for a logger that pauses".into(),
@@ -147,33 +159,4 @@ pub(super) fn broken_files(damage: &[Damage]) -> Option<Finding> {
         evidence: format!("first: {}:{}: {}", first.file, first.line, first.what),
         advice: "copy or convert the files again; what surrounds the damage is used".into(),
     })
-}
-
-/// Whether some antennas have epochs just where others have none, and the other way round.
-fn take_turns(sample: &Sample) -> bool {
-    let mut sets: BTreeMap<Vec<bool>, usize> = BTreeMap::new();
-    for epoch in &sample.epochs {
-        *sets.entry(epoch.antennas.iter().map(Option::is_some).collect()).or_default() += 1;
-    }
-    let often = |count: usize| count as f64 > MANY * sample.epochs.len() as f64;
-    let frequent: Vec<&Vec<bool>> =
-        sets.iter().filter(|(_, count)| often(**count)).map(|(set, _)| set).collect();
-    let disjoint = |a: &[bool], b: &[bool]| a.iter().zip(b).all(|(one, other)| !(*one && *other));
-    frequent.iter().any(|a| frequent.iter().any(|b| disjoint(a, b))) && overlap(sample)
-}
-
-/// Whether the antennas' spans overlap.
-fn overlap(sample: &Sample) -> bool {
-    let antennas = sample.epochs.first().map_or(0, |e| e.antennas.len());
-    let span = |antenna: usize| {
-        let times = sample
-            .epochs
-            .iter()
-            .filter_map(|e| e.antennas[antenna].as_ref().map(|a: &AntennaEpoch| a.time));
-        Some((times.clone().next()?, times.max()?))
-    };
-    let spans: Vec<_> = (0..antennas).filter_map(span).collect();
-    let latest_start = spans.iter().map(|s| s.0).max();
-    let earliest_end = spans.iter().map(|s| s.1).min();
-    latest_start < earliest_end
 }

@@ -5,18 +5,23 @@ use std::collections::{BTreeMap, BTreeSet};
 use kurs::observation::ArrayEpoch;
 use kurs::signal::Band;
 
+use super::attendance::Attendance;
 use super::patient::MANY;
 use crate::copies::Copies;
-use crate::session_span::SessionSpan;
 use crate::solve::streams::Streams;
+
+/// Multiples of it, less their whole parts, fill the interval from 0 to 1 evenly, and so do those of every
+/// second, fifth or tenth multiple: a sample by it is in step with no receiver.
+const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 
 /// The sample, and what was seen of the rest.
 pub(crate) struct Sample {
+    /// Of the epochs that two antennas have, or more; of all epochs where there is none.
     pub(crate) epochs: Vec<ArrayEpoch>,
-    /// Epochs of the session.
-    pub(crate) of: usize,
-    /// How many there should be.
-    pub(crate) session: SessionSpan,
+    /// Of the epochs of one antenna.
+    pub(super) alone: Vec<ArrayEpoch>,
+    /// Times of all epochs, and who has them.
+    pub(crate) attendance: Attendance,
     /// Antennas with the same observations.
     pub(crate) copies: Copies,
     /// Time spans of the antennas, in words.
@@ -24,33 +29,49 @@ pub(crate) struct Sample {
 }
 
 impl Sample {
-    /// Keeps every epoch at first, and every second of those kept whenever there are more than
-    /// `max_epochs`.
+    /// Spreads `max_epochs` at most over the session.
     pub(crate) fn take(streams: &mut Streams, max_epochs: usize) -> anyhow::Result<Self> {
-        let mut epochs: Vec<ArrayEpoch> = Vec::new();
-        let (mut session, mut copies) = (SessionSpan::default(), Copies::default());
-        let (mut of, mut stride) = (0, 1);
+        let (mut together, mut alone) = (Spread::of(max_epochs), Spread::of(max_epochs));
+        let (mut attendance, mut copies) = (Attendance::default(), Copies::default());
         let mut epoch = ArrayEpoch::default();
         while streams.next(&mut epoch)? {
-            session.add(epoch.time);
+            attendance.add(&epoch);
             copies.add(&epoch);
-            if of % stride == 0 {
-                if epochs.len() == max_epochs {
-                    stride *= 2;
-                    let mut number = 0;
-                    epochs.retain(|_| {
-                        number += 1;
-                        number % 2 == 1
-                    });
-                }
-                if of % stride == 0 {
-                    epochs.push(epoch.clone());
-                }
-            }
-            of += 1;
+            let has_several = epoch.antennas.iter().flatten().count() >= 2;
+            if has_several { &mut together } else { &mut alone }.add(&epoch);
         }
-        anyhow::ensure!(of > 0, "no epoch in any observation file ({})", streams.spans());
-        Ok(Self { epochs, of, session, copies, spans: streams.spans() })
+        let spans = streams.spans();
+        anyhow::ensure!(
+            attendance.session().rows() > 0,
+            "no epoch in any observation file ({spans})"
+        );
+        let alone = alone.epochs();
+        let together = Some(together.epochs()).filter(|epochs| !epochs.is_empty());
+        let epochs = together.unwrap_or_else(|| alone.clone());
+        Ok(Self { epochs, alone, attendance, copies, spans })
+    }
+
+    /// Epochs of the session.
+    pub(super) fn of(&self) -> u64 {
+        self.attendance.session().rows()
+    }
+
+    /// Epochs that the sample stands for.
+    pub(super) fn solvable(&self) -> u64 {
+        match self.attendance.together() {
+            0 => self.of(),
+            together => together,
+        }
+    }
+
+    /// How many epochs it has, and of how many, in words.
+    pub(super) fn size(&self) -> String {
+        let (sampled, solvable, of) = (self.epochs.len(), self.solvable(), self.of());
+        if solvable == of {
+            format!("{sampled} of {of} epochs")
+        } else {
+            format!("{sampled} of the {solvable} epochs that two antennas have ({of} in all)")
+        }
     }
 
     /// Bands that two antennas have in many of the epochs.
@@ -70,5 +91,66 @@ impl Sample {
             *antennas.entry(*band).or_default() += 1;
         }
         antennas.into_iter().filter(|(_, count)| *count >= 2).map(|(band, _)| band).collect()
+    }
+}
+
+/// Some of the epochs that it is given, spread evenly.
+struct Spread {
+    max_epochs: usize,
+    given: u64,
+    share: f64,
+    /// With their numbers.
+    kept: Vec<(u64, ArrayEpoch)>,
+}
+
+impl Spread {
+    fn of(max_epochs: usize) -> Self {
+        Self { max_epochs, given: 0, share: 1.0, kept: Vec::new() }
+    }
+
+    /// Keeps every epoch at first, and half the share whenever there are more than enough.
+    fn add(&mut self, epoch: &ArrayEpoch) {
+        let number = self.given;
+        self.given += 1;
+        if self.kept.len() == self.max_epochs && is_within(number, self.share) {
+            self.share /= 2.0;
+            let share = self.share;
+            self.kept.retain(|(number, _)| is_within(*number, share));
+        }
+        if self.kept.len() < self.max_epochs && is_within(number, self.share) {
+            self.kept.push((number, epoch.clone()));
+        }
+    }
+
+    fn epochs(self) -> Vec<ArrayEpoch> {
+        self.kept.into_iter().map(|(_, epoch)| epoch).collect()
+    }
+}
+
+/// Whether an epoch is among those that make up a share of all.
+fn is_within(number: u64, share: f64) -> bool {
+    (number as f64 * GOLDEN_RATIO).fract() < share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kurs::time::GpsTime;
+
+    #[test]
+    fn a_sample_is_in_step_with_no_rate() {
+        let mut spread = Spread::of(80);
+        let time = |tick: u32| GpsTime::default() + f64::from(tick);
+        (0..3000).for_each(|tick| {
+            spread.add(&ArrayEpoch { time: time(tick), ..ArrayEpoch::default() });
+        });
+        let epochs = spread.epochs();
+        assert!((40..=80).contains(&epochs.len()), "{}", epochs.len());
+        for every in [2, 4, 5, 10, 16] {
+            let of_slower = (0..3000).step_by(every).map(time);
+            let common = of_slower.filter(|time| epochs.iter().any(|e| e.time == *time)).count();
+            let expected = epochs.len() as f64 / every as f64;
+            assert!((common as f64 - expected).abs() < 2.5, "every {every}: {common}, {expected}");
+        }
     }
 }

@@ -52,7 +52,7 @@ impl Session {
             rows.iter().filter_map(|row| row.position.map(|p| p.geodetic)).collect();
         Ok(Self {
             navigation,
-            start: sample.session.first(),
+            start: sample.attendance.session().first(),
             place: places.get(places.len() / 2).copied(),
             heading_deg: heading_deg(&rows).map(|heading_deg| rounded(heading_deg, 10.0)),
             bands,

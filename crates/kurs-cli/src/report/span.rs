@@ -20,7 +20,7 @@ pub(crate) fn gaps(span: &SessionSpan) -> Option<String> {
 }
 
 /// A number of seconds without needless digits.
-fn plain(seconds: f64) -> String {
+pub(crate) fn plain(seconds: f64) -> String {
     let text = format!("{seconds:.3}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

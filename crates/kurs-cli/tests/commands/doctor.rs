@@ -18,6 +18,8 @@ const PLACES: [[f64; 3]; 4] =
 struct Fault {
     /// Keys of the scenario before its tables.
     keys: &'static str,
+    /// In place of `interval_s = 1.0`.
+    interval: &'static str,
     /// Tables of the scenario.
     tables: &'static str,
     /// Motion of the body in place of rest, with its keys.
@@ -44,8 +46,9 @@ fn session(directory: &Path, seed: u64, start: &str, fault: &Fault) -> PathBuf {
         .collect();
     let rest = "kind = \"static\"\nheading_deg = 70.0\npitch_deg = 3.0\nroll_deg = -2.0";
     let motion = if fault.motion.is_empty() { rest } else { fault.motion };
+    let interval = if fault.interval.is_empty() { "interval_s = 1.0" } else { fault.interval };
     let scenario = format!(
-        "seed = {seed}\nstart = \"{start}\"\nduration_s = 40.0\ninterval_s = 1.0\n{}\n\
+        "seed = {seed}\nstart = \"{start}\"\nduration_s = 40.0\n{interval}\n{}\n\
          [sky]\nsystems = [\"G\", \"E\", \"C\"]\n{}\n\
          [[body]]\nname = \"body\"\n[body.motion]\n{motion}\n\
          place = {{ latitude_deg = 48.0, longitude_deg = 11.0, height_m = 500.0 }}\n{antennas}",
@@ -219,6 +222,53 @@ fn stated_interference() {
 fn a_silent_antenna() {
     let tables = "[[outage]]\nfrom_s = 10.0\nto_s = 40.0\nantennas = [\"A0\", \"A1\", \"A2\"]\n";
     named("missing_antenna", 108, &Fault { tables, ..Fault::default() });
+}
+
+/// A copy of an observation file with some of its epochs, by their numbers.
+fn with_epochs(file: &Path, name: &str, keeps: impl Fn(usize) -> bool) -> String {
+    let text = fs::read_to_string(file).unwrap();
+    let (header, epochs) = text.split_once("\n>").unwrap();
+    let kept = epochs.split("\n>").enumerate().filter(|(number, _)| keeps(*number));
+    let lines = kept.map(|(_, epoch)| format!(">{}\n", epoch.trim_end()));
+    let path = file.with_file_name(name);
+    fs::write(&path, format!("{header}\n{}", lines.collect::<String>())).unwrap();
+    path.display().to_string()
+}
+
+/// Every row that both antennas have is fixed, whichever epochs the slower one has; that it is silent in the
+/// others is no fault of it.
+#[test]
+fn receivers_of_different_rates() {
+    let folder = TempDir::new().unwrap();
+    let fault = Fault { interval: "interval_s = 0.2", ..Fault::default() };
+    session(folder.path(), 119, NOON, &fault);
+    let [fast, slow, nav, out] =
+        ["A0.rnx", "A1.rnx", "nav.rnx", "rates"].map(|n| folder.path().join(n));
+    for (every, first, share, told) in [
+        (2, 0, 101.0 / 201.0, "A1 observes at 2.5 Hz: A1 is in 50 % of the epochs"),
+        (2, 1, 100.0 / 201.0, "A1 observes at 2.5 Hz: A1 is in 50 % of the epochs"),
+        (5, 0, 41.0 / 201.0, "A1 observes at 1 Hz: A1 is in 20 % of the epochs"),
+    ] {
+        let thinned = with_epochs(&slow, "slow.rnx", |number| number % every == first);
+        let antennas = [format!("A0={}@0,0,0", fast.display()), format!("A1={thinned}@0.9,0,0")];
+        let run = |command: &str| {
+            let mut kurs = kurs();
+            kurs.arg(command).args(["--antenna", &antennas[0], "--antenna", &antennas[1]]);
+            let assert = kurs.arg("--nav").arg(&nav).arg("--out").arg(&out).assert().success();
+            String::from_utf8(assert.get_output().stdout.clone()).unwrap()
+        };
+        let said = run("doctor");
+        let text = fs::read_to_string(out.join("doctor.json")).unwrap();
+        let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let codes = file["findings"].as_array().unwrap().iter().map(|finding| &finding["code"]);
+        assert_eq!(codes.collect::<Vec<_>>(), ["different_rates"], "{said}");
+        assert!(said.contains(&format!("A0 observes at 5 Hz, {told}")), "{said}");
+        let found = file["fixed_of_session"].as_f64().unwrap();
+        assert!((found - share).abs() < 1e-9, "{found}, not {share}:\n{said}");
+        let solved = run("solve");
+        let last = solved.lines().last().unwrap();
+        assert!(last.contains("the receivers observe at different rates (A0 observes"), "{last}");
+    }
 }
 
 #[test]
