@@ -41,6 +41,7 @@ mod table;
 mod tables;
 mod track;
 mod truth;
+mod unobserved_bands;
 mod window;
 
 use std::ffi::OsString;

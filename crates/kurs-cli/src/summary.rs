@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::quality::Quality;
 use crate::session_span::SessionSpan;
+use crate::unobserved_bands::UnobservedBands;
 
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
 const COMPONENTS: [&str; 4] = ["east_m", "north_m", "up_m", "length_m"];
@@ -29,6 +30,8 @@ pub(crate) struct Summary {
     capable_means: &'static str,
     first_fix: Option<GpsTime>,
     is_interrupted: bool,
+    /// Wanted bands that no antenna observes: their names, and in words.
+    unobserved_bands: (Vec<String>, Option<String>),
     quality: Quality,
     /// Of [`ANGLES`].
     angles: [Moments; 3],
@@ -107,6 +110,8 @@ pub(crate) struct SummaryFile<'a> {
     mean: BTreeMap<String, Option<f64>>,
     std: BTreeMap<String, f64>,
     reasons: BTreeMap<&'static str, u64>,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    unobserved_bands: &'a [String],
     damage: &'a [Damage],
     wall_s: f64,
     epochs_per_s: f64,
@@ -135,12 +140,18 @@ impl Summary {
             capable_means: "in which two antennas share four satellites",
             first_fix: None,
             is_interrupted: false,
+            unobserved_bands: Default::default(),
             quality: Quality::default(),
             angles: Default::default(),
             installation_rad2: [0.0; 3],
             turned: MeanDirection::default(),
             baselines: BTreeMap::new(),
         }
+    }
+
+    /// Wanted bands that no antenna observes.
+    pub(crate) fn miss_bands(&mut self, unobserved: &UnobservedBands) {
+        self.unobserved_bands = (unobserved.names(), unobserved.sentence());
     }
 
     /// The run ended before its input.
@@ -267,7 +278,7 @@ impl Summary {
 
     /// Everything for the file.
     pub(crate) fn file<'a>(
-        &self,
+        &'a self,
         configuration: &str,
         damage: &'a [Damage],
         wall_s: f64,
@@ -291,6 +302,7 @@ impl Summary {
             mean: moments.iter().map(|m| (m.name.clone(), m.mean)).collect(),
             std: moments.iter().map(|m| (m.name.clone(), m.std)).collect(),
             reasons: self.reasons(),
+            unobserved_bands: &self.unobserved_bands.0,
             damage,
             wall_s,
             epochs_per_s: self.epochs as f64 / wall_s.max(1e-9),
@@ -355,6 +367,8 @@ impl Summary {
                 reasons.iter().map(|(word, count)| format!("{word} {count}")).collect();
             lines.push(format!("not fixed because: {}", words.join(", ")));
         }
+        let unobserved = self.unobserved_bands.1.iter();
+        lines.extend(unobserved.map(|sentence| format!("{sentence}, which `bands` wants")));
         lines.extend(self.quality.lines(&self.span));
         // Where a body turns, its angles and the directions of its baselines have no mean; lengths have.
         let is_turning = self.quality.is_turning(self.angles[0].std());

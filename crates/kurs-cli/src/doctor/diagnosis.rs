@@ -67,6 +67,9 @@ pub(super) fn findings(
             all.extend(patient.unused_bands(sample));
         }
     }
+    if !all.iter().any(|finding| finding.code == "no_common_band") {
+        all.extend(presence::unobserved_bands(sample, patient.settings.bands.as_deref()));
+    }
     all.extend(presence::broken_files(damage));
     all
 }

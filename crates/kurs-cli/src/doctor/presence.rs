@@ -11,6 +11,7 @@ use super::patient::{Finding, MANY, Patient};
 use super::sample::Sample;
 use super::trials::Trials;
 use crate::summary::Damage;
+use crate::unobserved_bands::UnobservedBands;
 
 impl Patient<'_> {
     /// Antennas that are not there together.
@@ -119,6 +120,18 @@ impl Patient<'_> {
             advice: "set `bands` to bands that every antenna has".into(),
         })
     }
+}
+
+/// Wanted bands that nobody has, beside others that are there.
+pub(super) fn unobserved_bands(sample: &Sample, bands: Option<&[Band]>) -> Option<Finding> {
+    let mut unobserved = UnobservedBands::of(bands);
+    sample.epochs.iter().chain(&sample.alone).for_each(|epoch| unobserved.add(epoch));
+    Some(Finding {
+        code: "unobserved_bands",
+        cause: unobserved.sentence()?,
+        evidence: "`bands` wants it, and the session does without".into(),
+        advice: "take it out of `bands`, or let the receivers log it".into(),
+    })
 }
 
 /// Two antennas that are one: nothing else can be said then.

@@ -37,6 +37,7 @@ use crate::progress::{Progress, Work};
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
+use crate::unobserved_bands::UnobservedBands;
 use config::{DirectionKey, Loaded};
 use explain::ExplainFormat;
 pub(crate) use input::{Input, antenna_names};
@@ -218,6 +219,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         _ => BackwardRows::default(),
     };
+    let mut unobserved = UnobservedBands::of(settings.bands.as_deref());
     let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
 
     let mut summary = Summary::new(antenna_names(loaded));
@@ -226,6 +228,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut epoch = ArrayEpoch::default();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
         streams.news(&epoch).iter().for_each(|news| engine.insert(news));
+        unobserved.add(&epoch);
         let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
         row = backward.join(row);
         if copies.add(&epoch) {
@@ -246,6 +249,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if watch.was_interrupted() {
         summary.interrupt();
     }
+    summary.miss_bands(&unobserved);
     outputs.finish()?;
     review.write(folder.path(), &session, &summary)?;
     let identity = session.identity(&streams.fingerprints());
@@ -267,7 +271,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
-    bail!("{}", why_nothing(&summary, &streams, capable));
+    bail!("{}", why_nothing(&summary, &streams, capable, &unobserved));
 }
 
 /// Removes what a run left in its folder.
@@ -410,9 +414,17 @@ fn damaged(damage: &[Damage]) -> String {
 }
 
 /// Why not a single row has a solution.
-fn why_nothing(summary: &Summary, streams: &Streams, capable: bool) -> String {
+fn why_nothing(
+    summary: &Summary,
+    streams: &Streams,
+    capable: bool,
+    unobserved: &UnobservedBands,
+) -> String {
     if !capable {
         return format!("only one antenna has observations: {}", streams.spans());
+    }
+    if let Some(text) = unobserved.nothing_left() {
+        return text;
     }
     match summary.main_reason() {
         Some("few_antennas") => {

@@ -175,6 +175,41 @@ fn no_common_band() {
     named("no_common_band", 107, &Fault { keys, configuration, ..Fault::default() });
 }
 
+/// One of three wanted bands is a slip of the pen: the session is solved, and the band is told.
+#[test]
+fn a_band_that_no_antenna_observes() {
+    let folder = TempDir::new().unwrap();
+    let configuration = replaced("[solve]\n", "[solve]\nbands = [\"G1\", \"E1\", \"I5\"]\n");
+    let configuration =
+        session(folder.path(), 120, NOON, &Fault { configuration, ..Fault::default() });
+    assert!(findings(&configuration).contains(&"unobserved_bands".to_owned()));
+    let solve = |more: &[&str]| {
+        let out = folder.path().join("solved");
+        let run = kurs().arg("solve").arg(&configuration).args(more).arg("--out").arg(out).output();
+        let run = run.unwrap();
+        let summary = fs::read_to_string(folder.path().join("solved/summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        (run.status.code(), String::from_utf8([run.stdout, run.stderr].concat()).unwrap(), summary)
+    };
+    let (status, said, summary) = solve(&[]);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(said.contains("no antenna observes I5, which `bands` wants\n"), "{said}");
+    assert_eq!(summary["unobserved_bands"], serde_json::json!(["I5"]));
+    let (status, said, _) = solve(&["--set", "bands=[\"I5\", \"C1\"]"]);
+    assert_eq!(status, Some(1), "{said}");
+    let expected = "error: no antenna observes I5 C1, and `bands` wants no other; observed: G1 ";
+    assert!(said.contains(expected), "{said}");
+    // Whoever names no band misses none.
+    fs::write(
+        &configuration,
+        fs::read_to_string(&configuration).unwrap().replace("\nbands =", "\n# "),
+    )
+    .unwrap();
+    let (_, said, summary) = solve(&[]);
+    assert!(!said.contains("no antenna observes"), "{said}");
+    assert!(summary.get("unobserved_bands").is_none());
+}
+
 /// What a receiver states about foreign signals (NAV-STATUS: spoofing; MON-RF: a band that is jammed) in front of
 /// every epoch is the finding, and stands in the report.
 #[test]
