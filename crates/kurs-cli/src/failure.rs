@@ -1,6 +1,7 @@
 //! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration; 3 it ran, but
 //! nothing was fixed, or less than is required.
 
+use crate::pipe;
 use crate::summary::Summary;
 
 /// The exit status of a command, as a number that a caller inside the process can read too.
@@ -66,14 +67,15 @@ pub(crate) struct UsageError(pub(crate) String);
 
 /// The error with its causes; a cause that the text before already tells is not repeated.
 pub(crate) fn told(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |text, cause| {
+    let text = error.chain().fold(String::new(), |text, cause| {
         let cause = cause.to_string();
         match (text.is_empty(), text.contains(&cause)) {
             (true, _) => cause,
             (false, true) => text,
             (false, false) => format!("{text}: {cause}"),
         }
-    })
+    });
+    pipe::told(&text)
 }
 
 /// Prints the error, if there is one, and gives the exit status that belongs to it.

@@ -4,8 +4,8 @@
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context;
 use kurs_formats::source::can_be_read_again;
@@ -14,6 +14,24 @@ use crate::output::Temporary;
 
 /// The word for standard input.
 pub(crate) const STANDARD_INPUT: &str = "-";
+
+/// Copies of pipes, by their paths, and what the pipes are called. A name outlives its copy: the message that
+/// ends a command is told when its files are gone.
+static NAMES: Mutex<Vec<(String, String)>> = Mutex::new(Vec::new());
+
+fn names() -> MutexGuard<'static, Vec<(String, String)>> {
+    NAMES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A text in which copies of pipes are called what the user called the pipes.
+pub(crate) fn told(text: &str) -> String {
+    names().iter().fold(text.to_owned(), |text, (copy, name)| text.replace(copy, name))
+}
+
+/// What the user calls a file.
+pub(crate) fn named(path: &Path) -> String {
+    told(&path.display().to_string())
+}
 
 /// A file that can be read again and again: the one that was given, or the copy of what came through a
 /// pipe, which lives as long as this.
@@ -31,12 +49,13 @@ impl InputFile {
         if !is_input && can_be_read_again(path) {
             return Ok(Self { path: path.to_owned(), copy: None });
         }
+        let name = if is_input { "standard input".to_owned() } else { path.display().to_string() };
         let copied = if is_input {
-            copy(&mut io::stdin().lock(), "input")
+            copy(&mut io::stdin().lock(), "input", &name)
         } else {
-            File::open(path).and_then(|mut pipe| copy(&mut pipe, "pipe"))
+            File::open(path).and_then(|mut pipe| copy(&mut pipe, "pipe", &name))
         };
-        copied.with_context(|| format!("{}: cannot be read", path.display()))
+        copied.with_context(|| format!("{name}: cannot be read"))
     }
 
     /// All of them.
@@ -50,13 +69,14 @@ impl InputFile {
     }
 }
 
-/// Copies a pipe to a temporary file, `stem` with a number, in a folder of its own.
-fn copy(pipe: &mut impl io::Read, stem: &str) -> io::Result<InputFile> {
+/// Copies a pipe called `name` to a temporary file, `stem` with a number, in a folder of its own.
+fn copy(pipe: &mut impl io::Read, stem: &str, name: &str) -> io::Result<InputFile> {
     static COUNT: AtomicUsize = AtomicUsize::new(1);
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
     let folder = std::env::temp_dir().join(format!("kurs-{}-{count}", std::process::id()));
     fs::create_dir(&folder)?;
     let path = folder.join(format!("{stem}{count}"));
+    names().push((path.display().to_string(), name.to_owned()));
     let copy = Some(Arc::new(Temporary::new(folder)));
     io::copy(pipe, &mut File::create(&path)?)?;
     Ok(InputFile { path, copy })
@@ -68,8 +88,9 @@ mod tests {
 
     #[test]
     fn a_copy_lives_as_long_as_it_is_used() {
-        let file = copy(&mut &b"observations"[..], "pipe").unwrap();
+        let file = copy(&mut &b"observations"[..], "pipe", "/dev/fd/63").unwrap();
         let path = file.path().to_owned();
+        assert_eq!(told(&format!("{}:7: cut", path.display())), "/dev/fd/63:7: cut");
         assert_eq!(fs::read_to_string(&path).unwrap(), "observations");
         let other = file.clone();
         drop(file);

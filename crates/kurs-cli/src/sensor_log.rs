@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use nalgebra::Vector3;
 
+use crate::pipe;
 use crate::summary::Damage;
 
 /// Standard gravity, the unit "g".
@@ -260,7 +261,7 @@ impl SensorReader {
             LISTED_DAMAGE => "and more".to_owned(),
             _ => return,
         };
-        self.damage.push(Damage { file: self.path.display().to_string(), line, what });
+        self.damage.push(Damage { file: pipe::named(&self.path), line, what });
     }
 }
 

@@ -8,6 +8,7 @@ use kurs::solution::{AttitudeEstimate, BaselineEstimate, EpochSolution, Outcome,
 use kurs::time::GpsTime;
 use serde::Serialize;
 
+use crate::pipe;
 use crate::quality::Quality;
 use crate::session_span::SessionSpan;
 use crate::unobserved_bands::UnobservedBands;
@@ -53,7 +54,7 @@ pub(crate) struct Damage {
 impl Damage {
     /// What a reader reports of `file`.
     pub(crate) fn new(file: String, damage: &kurs_formats::damage::Damage) -> Self {
-        Self { file, line: damage.line, what: damage.what.to_string() }
+        Self { file: pipe::told(&file), line: damage.line, what: damage.what.to_string() }
     }
 }
 

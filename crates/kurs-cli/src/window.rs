@@ -45,6 +45,14 @@ impl Window {
         self.to.is_some_and(|to| time > to)
     }
 
+    /// The options, as they may be typed; nothing where all epochs count.
+    pub(crate) fn options(&self) -> String {
+        let from = self.from.map(|time| format!("--from {time}"));
+        let to = self.to.map(|time| format!("--to {time}"));
+        let every = self.every.map(|every_s| format!("--every {every_s}"));
+        [from, to, every].into_iter().flatten().collect::<Vec<_>>().join(" ")
+    }
+
     /// Whether all epochs count.
     pub(crate) fn is_everything(&self) -> bool {
         self.from.is_none() && self.to.is_none() && self.every.is_none()
@@ -97,6 +105,10 @@ mod tests {
             every: Some(30.0),
         };
         assert!(window.check().is_ok());
+        assert_eq!(
+            window.options(),
+            "--from 2024-06-24T08:00:00.000 --to 2024-06-24T09:00:00.000 --every 30"
+        );
         assert!(window.contains(time("2024-06-24T08:00:00")));
         assert!(window.contains(time("2024-06-24T09:00:00")));
         // A tag of a receiver whose clock is a millisecond slow.

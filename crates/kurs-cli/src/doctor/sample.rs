@@ -40,15 +40,10 @@ impl Sample {
             let has_several = epoch.antennas.iter().flatten().count() >= 2;
             if has_several { &mut together } else { &mut alone }.add(&epoch);
         }
-        let spans = streams.spans();
-        anyhow::ensure!(
-            attendance.session().rows() > 0,
-            "no epoch in any observation file ({spans})"
-        );
         let alone = alone.epochs();
         let together = Some(together.epochs()).filter(|epochs| !epochs.is_empty());
         let epochs = together.unwrap_or_else(|| alone.clone());
-        Ok(Self { epochs, alone, attendance, copies, spans })
+        Ok(Self { epochs, alone, attendance, copies, spans: streams.spans() })
     }
 
     /// Epochs of the session.

@@ -26,7 +26,7 @@ use serde::Serialize;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{OutputFile, OutputFolder};
 use crate::page::Page;
-use crate::pipe::InputFile;
+use crate::pipe::{self, InputFile};
 use crate::solve::input::middle_time;
 use crate::window::Window;
 
@@ -70,6 +70,20 @@ enum Report {
     Navigation(navigation::NavigationReport),
     Antennas(antennas::AntennaReport),
     Unusable { file: String, error: String },
+}
+
+impl Report {
+    /// Of the file by the name that the user gave it.
+    fn with_given_name(mut self) -> Self {
+        let file = match &mut self {
+            Self::Observations(report) => &mut report.file,
+            Self::Navigation(report) => &mut report.file,
+            Self::Antennas(report) => &mut report.file,
+            Self::Unusable { file, .. } => file,
+        };
+        *file = pipe::told(file);
+        self
+    }
 }
 
 /// What is not as it should be in a file.
@@ -128,11 +142,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut reports = Vec::new();
     for file in files {
         let found = inspect(file, &known).unwrap_or_else(|error| {
+            let (file, error) = (file.display().to_string(), pipe::told(&error.to_string()));
             eprintln!("error: {error}");
-            let (file, error) = (file.display().to_string(), error.to_string());
             vec![Report::Unusable { file, error }]
         });
-        reports.extend(found);
+        reports.extend(found.into_iter().map(Report::with_given_name));
     }
 
     if args.report {

@@ -1,19 +1,23 @@
 //! What `solve`, `survey` and `doctor` read: navigation data, and the observations of all antennas.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
 
 use anyhow::bail;
 use kurs::ephemeris::{Ephemeris, NavigationData};
+use kurs::observation::ArrayEpoch;
 use kurs::time::GpsTime;
 use kurs_formats::content::Content;
 use kurs_formats::logs::LogOptions;
 use kurs_formats::source::{Source, can_be_read_again};
 
-use super::config::Loaded;
+use super::config::{AntennaTable, Loaded};
+use super::damaged;
 use super::phase_centers::{self, PhaseCenters};
 use super::streams::{AntennaFiles, Streams};
 use crate::failure::UsageError;
+use crate::pipe::named;
 use crate::summary::Damage;
+use crate::window::Window;
 
 /// What a user can do where there is no ephemeris.
 pub(crate) const SOURCES_OF_EPHEMERIDES: &str = "give --nav FILE, or let the receiver send RXM-SFRBX (UBX), \
@@ -35,6 +39,9 @@ impl Input {
         let (mut navigation, mut damage) = read_navigation(loaded)?;
         let phase_centers = phase_centers::read(loaded, &mut damage)?;
         let streams = streams(loaded, &navigation)?;
+        if streams.antennas_with_epochs() == 0 {
+            bail!("{}", no_epoch(loaded, &streams));
+        }
         // As received, the channels of logs come with their epochs.
         for (number, channel) in streams.glonass_channels() {
             navigation.ephemerides.insert_glonass_channel(number, channel);
@@ -53,6 +60,57 @@ pub(super) fn streams(loaded: &Loaded, navigation: &NavigationData) -> anyhow::R
     };
     let antennas = observation_files(loaded, &options);
     Streams::open(antennas, station_files(loaded, &options), loaded.window)
+}
+
+/// Why there is nothing to solve.
+fn no_epoch(loaded: &Loaded, streams: &Streams) -> String {
+    match whole_session(loaded).filter(|whole| whole.antennas_with_epochs() > 0) {
+        Some(whole) => {
+            let options = loaded.window.options();
+            format!("{options} leaves no epoch of the observation files: {}", whole.spans())
+        }
+        None => {
+            let damage = damage_by_antenna(loaded, streams);
+            format!("no epoch in any observation file ({}){damage}", streams.spans())
+        }
+    }
+}
+
+/// Why one antenna is alone.
+pub(crate) fn one_antenna(loaded: &Loaded, streams: &Streams) -> String {
+    let whole = whole_session(loaded).map_or_else(String::new, |whole| {
+        format!("; without {}: {}", loaded.window.options(), whole.spans())
+    });
+    let damage = damage_by_antenna(loaded, streams);
+    format!("only one antenna has observations: {}{whole}{damage}", streams.spans())
+}
+
+/// All files read to their ends, also outside the window; `None` where they have been read so already, or
+/// cannot be read again.
+fn whole_session(loaded: &Loaded) -> Option<Streams> {
+    if loaded.window.is_everything() || !loaded.input_files().iter().all(can_be_read_again) {
+        return None;
+    }
+    let mut loaded = loaded.clone();
+    loaded.window = Window::default();
+    let (navigation, _) = read_navigation(&loaded).ok()?;
+    let mut streams = streams(&loaded, &navigation).ok()?;
+    let mut epoch = ArrayEpoch::default();
+    while streams.next(&mut epoch).ok()? {}
+    Some(streams)
+}
+
+/// How much of each antenna's files could not be read and where first, a line each.
+fn damage_by_antenna(loaded: &Loaded, streams: &Streams) -> String {
+    let damage: Vec<Damage> =
+        streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)).collect();
+    let of_antenna = |antenna: &AntennaTable| {
+        let files: Vec<String> = antenna.obs.iter().map(|path| named(&loaded.path(path))).collect();
+        let own: Vec<&Damage> = damage.iter().filter(|d| files.contains(&d.file)).collect();
+        let first = own.first()?;
+        Some(format!("\n{}: {} damaged places, first: {first}", antenna.name, own.len()))
+    };
+    loaded.config.antenna.iter().filter_map(of_antenna).collect()
 }
 
 /// Navigation data of all files, the logs among the observation files too; what was damaged in them.
@@ -76,6 +134,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let expected = "no navigation file: give `[nav] files` or --nav FILE";
         return Err(UsageError(expected.into()).into());
     }
+    let mut read_past: BTreeMap<String, usize> = BTreeMap::new();
     for (index, path) in files.iter().enumerate() {
         let mut source = Source::open(path)?;
         let near = loaded.approximate_time();
@@ -84,15 +143,30 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let framing = if index < given_count { summary.framing.listed() } else { &[] };
         let entries = framing.iter().chain(summary.damage.listed());
         damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));
+        for (kind, count) in summary.read_past {
+            *read_past.entry(kind).or_default() += count;
+        }
     }
     if navigation.ephemerides.is_empty() && !received {
-        bail!("no usable ephemeris in {}: {SOURCES_OF_EPHEMERIDES}", names(&files));
+        let files: Vec<String> = files.iter().map(|file| named(file)).collect();
+        bail!(
+            "no usable ephemeris in {}: {SOURCES_OF_EPHEMERIDES}{}{}",
+            files.join(", "),
+            passed(&read_past),
+            damaged(&damage)
+        );
     }
     Ok((navigation, damage))
 }
 
-fn names(files: &[PathBuf]) -> String {
-    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")
+/// The kinds of records of which no ephemeris is made, as a line of its own; nothing without any.
+fn passed(read_past: &BTreeMap<String, usize>) -> String {
+    let kinds: Vec<String> =
+        read_past.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
+    if kinds.is_empty() {
+        return String::new();
+    }
+    format!("\nrecords of kinds that are not used: {}", kinds.join(", "))
 }
 
 /// The middle of the times of all ephemerides: one that is stale does not move it.

@@ -33,6 +33,7 @@ use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
 use crate::output::{self, Destination, OutputFolder};
 use crate::parquet_files;
+use crate::pipe;
 use crate::progress::{Progress, Work};
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
@@ -192,7 +193,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let settings =
         Settings { residuals: args.report || args.truth.is_some(), ..loaded.settings()? };
     if let Some(format) = args.explain {
-        print!("{}", loaded.explain(format));
+        print!("{}", pipe::told(&loaded.explain(format)));
         return Ok(ExitCode::SUCCESS);
     }
 
@@ -271,7 +272,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
-    bail!("{}", why_nothing(&summary, &streams, capable, &unobserved));
+    bail!("{}", why_nothing(loaded, &summary, &streams, &unobserved));
 }
 
 /// Removes what a run left in its folder.
@@ -408,20 +409,19 @@ fn closing(summary: &Summary, damage: &[Damage], out: &Path) -> String {
 /// How much was damaged and where first, as a line of its own; nothing if nothing was.
 fn damaged(damage: &[Damage]) -> String {
     damage.first().map_or_else(String::new, |first| {
-        let Damage { file, line, what } = first;
-        format!("\n{} damaged places, first: {file}:{line}: {what}", damage.len())
+        format!("\n{} damaged places, first: {first}", damage.len())
     })
 }
 
 /// Why not a single row has a solution.
 fn why_nothing(
+    loaded: &Loaded,
     summary: &Summary,
     streams: &Streams,
-    capable: bool,
     unobserved: &UnobservedBands,
 ) -> String {
-    if !capable {
-        return format!("only one antenna has observations: {}", streams.spans());
+    if streams.antennas_with_epochs() < 2 {
+        return input::one_antenna(loaded, streams);
     }
     if let Some(text) = unobserved.nothing_left() {
         return text;

@@ -13,6 +13,7 @@ use super::session_args::Session;
 use super::{Args, antenna_names};
 use crate::copies::Copies;
 use crate::doctor;
+use crate::pipe;
 use crate::report::{Report, Words};
 use crate::summary::Summary;
 use crate::truth::{Agreement, Truth};
@@ -112,8 +113,7 @@ fn inputs(loaded: &Loaded) -> Vec<[String; 2]> {
     let others = others.into_iter().map(|(name, files)| (name.to_owned(), files));
     let all = antennas.chain(station).chain(others).filter(|(_, files)| !files.is_empty());
     all.map(|(name, files)| {
-        let files: Vec<String> =
-            files.iter().map(|file| loaded.path(file).display().to_string()).collect();
+        let files: Vec<String> = files.iter().map(|file| pipe::named(&loaded.path(file))).collect();
         [name, files.join(", ")]
     })
     .collect()

@@ -177,6 +177,89 @@ fn an_antenna_without_any_epoch_is_not_capable() {
     assert_eq!(rows.matches(",not_capable,few_antennas,").count(), 5, "{rows}");
 }
 
+/// An antenna that is there, and of which no epoch can be read.
+#[test]
+fn an_antenna_of_unread_epochs_says_why() {
+    let folder = Folder::new();
+    folder.write("broken.obs", observations(8, 5).replace("> 2024 06 24", "> 2024 99 24"));
+    let (status, said) = folder.solve(&[
+        "--antenna",
+        "A={}/a.obs",
+        "--antenna",
+        "B={}/broken.obs",
+        "--nav",
+        "{}/good.nav",
+    ]);
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("B has no epoch\nB: 1 damaged places, first: "), "{said}");
+    assert!(said.contains("broken.obs:5: not an epoch line"), "{said}");
+}
+
+/// Records that are there and of no use are told: what is damaged, and what kinds they are.
+#[test]
+fn navigation_data_that_cannot_be_used_say_why() {
+    let folder = Folder::new();
+    folder.write("broken.nav", navigation(24).replace("G05 2024", "G05 20x4"));
+    let record = navigation(24).split_once("END OF HEADER\n").unwrap().1.to_owned();
+    let header = navigation(24).replace(&record, "").replace("     3.05 ", "     4.00 ");
+    folder.write("other.nav", format!("{header}> EPH G05 CNAV\n{record}"));
+    let both = ["--antenna", "A={}/a.obs", "--antenna", "B={}/b.obs", "--nav"];
+    let (status, said) = folder.solve(&[&both[..], &["{}/broken.nav"]].concat());
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("no usable ephemeris in "), "{said}");
+    assert!(said.contains("\n1 damaged places, first: "), "{said}");
+    assert!(said.contains("broken.nav:3: "), "{said}");
+    let (status, said) = folder.solve(&[&both[..], &["{}/other.nav"]].concat());
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("\nrecords of kinds that are not used: G CNAV 1\n"), "{said}");
+}
+
+/// A part of the session in which nothing is: the option is named, and what the files have.
+#[test]
+fn a_window_beside_the_files_is_named() {
+    let folder = Folder::new();
+    let both = ["--antenna", "A={}/a.obs", "--antenna", "B={}/later.obs", "--nav", "{}/good.nav"];
+    let spans = "A from 2024-06-24T08:00:00.000 to 2024-06-24T08:00:04.000, \
+                 B from 2024-06-24T15:00:00.000 to 2024-06-24T15:00:04.000";
+    for (options, told) in [
+        (["--from", "2030-01-01T00:00:00"], "--from 2030-01-01T00:00:00.000"),
+        (["--every", "1e9"], "--every 1000000000"),
+    ] {
+        let (status, said) = folder.solve(&[&both[..], &options].concat());
+        assert_eq!(status, 1, "{said}");
+        let expected = format!("{told} leaves no epoch of the observation files: {spans}");
+        assert!(said.contains(&expected), "{said}");
+        folder.assert_nothing_written(told);
+    }
+    let (status, said) = folder.solve(&[&both[..], &["--from", "2024-06-24T09:00:00"]].concat());
+    assert_eq!(status, 1, "{said}");
+    let expected = format!(
+        "A has no epoch, B from 2024-06-24T15:00:00.000 to 2024-06-24T15:00:04.000; \
+                            without --from 2024-06-24T09:00:00.000: {spans}"
+    );
+    assert!(said.contains(&expected), "{said}");
+}
+
+/// The copy of a pipe has a name that nobody knows and a place that is gone.
+#[test]
+fn pipes_are_called_what_the_user_calls_them() {
+    let folder = Folder::new();
+    let whole = observations(8, 5);
+    let mut kurs = Command::cargo_bin("kurs").expect("the program");
+    kurs.args(["solve", "-"]).arg(folder.path("b.obs")).arg("--nav").arg(folder.path("good.nav"));
+    kurs.arg("--out").arg(folder.path("out")).write_stdin(&whole[..whole.len() - 20]);
+    let output = kurs.output().expect("it runs");
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert!(said.contains("1 damaged places, first: standard input:14: "), "{said}");
+    let summary = fs::read_to_string(folder.path("out/summary.json")).expect("a summary");
+    assert!(summary.contains("\"file\": \"standard input\""), "{summary}");
+    let mut kurs = Command::cargo_bin("kurs").expect("the program");
+    let output = kurs.args(["inspect", "/dev/null", "--json"]).output().expect("it runs");
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert!(said.contains("/dev/null: found an empty file"), "{said}");
+    assert!(said.contains("\"file\": \"/dev/null\""), "{said}");
+}
+
 #[test]
 fn wrong_configuration_exits_2_and_names_the_key() {
     let folder = Folder::new();

@@ -158,7 +158,7 @@ impl Observed {
         let settings = loaded.settings()?;
         let Input { navigation, streams, phase_centers, damage } = Input::open(&loaded)?;
         if streams.antennas_with_epochs() < 2 {
-            bail!("only one antenna has observations: {}", streams.spans());
+            bail!("{}", solve::input::one_antenna(&loaded, &streams));
         }
         if !quiet {
             phase_centers.tell();
