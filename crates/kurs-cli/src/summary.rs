@@ -299,7 +299,7 @@ impl Summary {
             time_to_first_fix_s: self
                 .first_fix
                 .zip(self.span.first())
-                .map(|(fix, first)| fix - first),
+                .map(|(fix, first)| (fix - first).max(0.0)),
             mean: moments.iter().map(|m| (m.name.clone(), m.mean)).collect(),
             std: moments.iter().map(|m| (m.name.clone(), m.std)).collect(),
             reasons: self.reasons(),

@@ -48,6 +48,11 @@ impl Attendance {
         &self.antennas[antenna]
     }
 
+    /// Times of each antenna's epochs.
+    pub(super) fn antennas(&self) -> &[SessionSpan] {
+        &self.antennas
+    }
+
     /// How many epochs two antennas have, or more.
     pub(super) fn together(&self) -> u64 {
         let several = |there: &[bool]| there.iter().filter(|is_there| **is_there).count() >= 2;

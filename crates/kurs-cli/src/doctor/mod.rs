@@ -31,7 +31,7 @@ use crate::page::Page;
 use crate::report::views::{HiddenRow, Views};
 use crate::solve::config::Loaded;
 use crate::solve::session_args::SessionArgs;
-use crate::solve::{Input, antenna_names};
+use crate::solve::{Input, antenna_names, input};
 use crate::summary::Damage;
 use noise::NoiseRow;
 use patient::{Finding, Patient};
@@ -159,6 +159,7 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
     let mounts = phase_centers.mounts;
     let sample = Sample::take(&mut streams, max_epochs)?;
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
+    damage.extend(input::misdated(loaded, sample.attendance.antennas()));
     if let Some(copy) = presence::one_recording(&names, &sample) {
         let findings = std::iter::once(copy).chain(presence::broken_files(&damage)).collect();
         return Ok(Examination {

@@ -16,6 +16,7 @@ use super::phase_centers::{self, PhaseCenters};
 use super::streams::{AntennaFiles, Streams};
 use crate::failure::UsageError;
 use crate::pipe::named;
+use crate::session_span::SessionSpan;
 use crate::summary::Damage;
 use crate::window::Window;
 
@@ -111,6 +112,18 @@ fn damage_by_antenna(loaded: &Loaded, streams: &Streams) -> String {
         Some(format!("\n{}: {} damaged places, first: {first}", antenna.name, own.len()))
     };
     loaded.config.antenna.iter().filter_map(of_antenna).collect()
+}
+
+/// Epochs whose dates cannot be right; `spans`: the times of each antenna's epochs.
+pub(crate) fn misdated<'a>(
+    loaded: &Loaded,
+    spans: impl IntoIterator<Item = &'a SessionSpan>,
+) -> Vec<Damage> {
+    let of_antenna = |(antenna, span): (&AntennaTable, &SessionSpan)| {
+        let files: Vec<String> = antenna.obs.iter().map(|path| named(&loaded.path(path))).collect();
+        Some(Damage { file: files.join(", "), line: 1, what: span.misdated()? })
+    };
+    loaded.config.antenna.iter().zip(spans).filter_map(of_antenna).collect()
 }
 
 /// Navigation data of all files, the logs among the observation files too; what was damaged in them.

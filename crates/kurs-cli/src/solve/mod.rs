@@ -35,6 +35,7 @@ use crate::output::{self, Destination, OutputFolder};
 use crate::parquet_files;
 use crate::pipe;
 use crate::progress::{Progress, Work};
+use crate::session_span::SessionSpan;
 use crate::summary::{Damage, Summary};
 use crate::table::TableFormat;
 use crate::tables::Tables;
@@ -225,11 +226,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let mut summary = Summary::new(antenna_names(loaded));
     let mut copies = Copies::default();
+    let mut spans: Vec<SessionSpan> =
+        antenna_names(loaded).iter().map(|_| SessionSpan::default()).collect();
     let mut progress = Progress::start(args.quiet, Work::SOLVE);
     let mut epoch = ArrayEpoch::default();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
         streams.news(&epoch).iter().for_each(|news| engine.insert(news));
         unobserved.add(&epoch);
+        spans.iter_mut().zip(&epoch.antennas).for_each(|(span, antenna)| {
+            antenna.iter().for_each(|own| span.add(own.time));
+        });
         let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
         row = backward.join(row);
         if copies.add(&epoch) {
@@ -244,6 +250,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     damage.extend(streams.late());
+    damage.extend(input::misdated(loaded, &spans));
     if summary.epochs() == 0 {
         bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
     }

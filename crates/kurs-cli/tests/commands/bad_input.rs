@@ -342,6 +342,28 @@ fn a_cut_file_keeps_what_came_before() {
     );
 }
 
+/// A receiver that does not know the date when it is switched on: its first epochs make no session of years.
+#[test]
+fn epochs_of_a_wrong_date_are_damage_and_no_gap() {
+    let folder = Folder::new();
+    let right = observations(8, 20);
+    let (header, epochs) = right.split_at(right.find('>').expect("an epoch"));
+    let wrong = observations(8, 2).replace("> 2024 06", "> 2021 03");
+    let wrong = &wrong[wrong.find('>').expect("an epoch")..];
+    folder.write("misdated.obs", format!("{header}{wrong}{epochs}"));
+    folder.write("long.obs", &right);
+    let mut kurs = Command::cargo_bin("kurs").expect("the program");
+    kurs.arg("solve").args(["misdated.obs", "long.obs"].map(|name| folder.path(name)));
+    kurs.arg("--nav").arg(folder.path("good.nav")).arg("--out").arg(folder.path("out"));
+    let output = kurs.output().expect("it runs");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("fixed of the session: 0.00 % of 22 epochs\n"), "{said}");
+    assert!(!said.contains("gaps"), "{said}");
+    let expected = "misdated.obs:1: 2 epochs from 2021-03-24T08:00:00.000 to 2021-03-24T08:00:01.000, \
+                    far from all others: a wrong date?";
+    assert!(said.contains(expected), "{said}");
+}
+
 /// `kurs … | head`: a reader that goes away is no fault and no panic.
 #[test]
 fn a_closed_pipe_ends_the_program_quietly() {
