@@ -29,6 +29,8 @@ pub(crate) struct Summary {
     /// Rows that had enough input to be fixed, and what they had, in words.
     capable: u64,
     capable_means: &'static str,
+    /// Rows in which an antenna that observed had no part.
+    with_idle: u64,
     first_fix: Option<GpsTime>,
     is_interrupted: bool,
     /// Wanted bands that no antenna observes: their names, and in words.
@@ -139,6 +141,7 @@ impl Summary {
             span: SessionSpan::default(),
             capable: 0,
             capable_means: "in which two antennas share four satellites",
+            with_idle: 0,
             first_fix: None,
             is_interrupted: false,
             unobserved_bands: Default::default(),
@@ -176,6 +179,7 @@ impl Summary {
         }
         self.span.add(row.time);
         self.capable += u64::from(capable);
+        self.with_idle += u64::from(!row.idle_antennas.is_empty());
         let Outcome::Fixed { attitude } = &row.outcome else { return };
         self.first_fix.get_or_insert(row.time);
         self.add_angles(attitude);
@@ -262,6 +266,11 @@ impl Summary {
     pub(crate) fn fixed_of_session(&self) -> Option<f64> {
         let epochs = self.span.epochs();
         (epochs > 0).then(|| self.fixed() as f64 / epochs as f64)
+    }
+
+    /// Share of the rows in which an antenna that observed had no part.
+    pub(crate) fn share_with_idle(&self) -> f64 {
+        self.with_idle as f64 / self.epochs.max(1) as f64
     }
 
     /// Fixed rows over the rows that had enough input to be fixed.

@@ -2,7 +2,7 @@
 
 use kurs::solution::Status;
 
-use super::patient::{Finding, Patient};
+use super::patient::{Finding, MANY, Patient};
 use super::reasons;
 use super::sample::Sample;
 use super::trials::Trials;
@@ -23,7 +23,9 @@ pub(super) fn findings(
     let mut all: Vec<Finding> = shape::turned(trials).into_iter().collect();
     all.extend(patient.interference(sample));
     all.extend(patient.rates(sample));
-    if fixed_of_session(sample, trials) < WELL {
+    // The others may be fixed well without a receiver that samples apart.
+    let is_apart = trials.configured.share_apart() > MANY;
+    if fixed_of_session(sample, trials) < WELL || is_apart {
         let times = patient.times(sample, trials);
         all.extend(times);
         all.extend(presence::gaps(sample));

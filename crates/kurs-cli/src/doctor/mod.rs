@@ -34,6 +34,7 @@ use crate::solve::session_args::SessionArgs;
 use crate::solve::{Input, antenna_names, input};
 use crate::summary::Damage;
 use noise::NoiseRow;
+pub(crate) use patient::MANY;
 use patient::{Finding, Patient};
 use sample::Sample;
 use trials::Trials;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::report::views::Views;
 
 /// A share of the epochs that makes something a cause.
-pub(super) const MANY: f64 = 0.2;
+pub(crate) const MANY: f64 = 0.2;
 /// A trial with this many more of the epochs fixed mends something.
 pub(super) const MENDED: f64 = 0.3;
 

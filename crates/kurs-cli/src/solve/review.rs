@@ -24,17 +24,20 @@ pub(super) struct Review {
     truth: Option<(Truth, Agreement)>,
 }
 
-/// What `kurs doctor` would say first, where little is fixed; `None` where enough is.
+/// What `kurs doctor` would say first, where little is fixed or an antenna has no part; `None` where enough is.
 pub(super) fn in_one_line(loaded: &Loaded, summary: &Summary, copies: &Copies) -> Option<String> {
     if let Some(text) = copies.text(&antenna_names(loaded)) {
         return Some(text);
     }
     let share = summary.fixed_of_session().unwrap_or(0.0);
-    if share >= doctor::WELL {
-        return None;
-    }
-    let causes = doctor::in_one_line(loaded, summary.main_reason());
-    Some(format!("only {:.1} % of the session is fixed: {causes}", 100.0 * share))
+    let what = match summary.share_with_idle() {
+        _ if share < doctor::WELL => format!("only {:.1} % of the session is fixed", 100.0 * share),
+        idle if idle > doctor::MANY => {
+            format!("an antenna has no part in {:.1} % of the rows", 100.0 * idle)
+        }
+        _ => return None,
+    };
+    Some(format!("{what}: {}", doctor::in_one_line(loaded, summary.main_reason())))
 }
 
 impl Review {
