@@ -30,7 +30,7 @@ pub fn gps_input(row: &EpochSolution, sequence: u8) -> Vec<u8> {
     payload.extend(values.numbers.iter().flat_map(|v| v.to_le_bytes()));
     payload.extend(values.ignored.to_le_bytes());
     payload.extend(u16::try_from(time.week()).unwrap_or(0).to_le_bytes());
-    let satellites = u8::try_from(row.satellites).unwrap_or(u8::MAX);
+    let satellites = u8::try_from(row.satellites_in_use()).unwrap_or(u8::MAX);
     payload.extend([0, values.fix, satellites]);
     payload.extend(yaw(row).to_le_bytes());
     message(GPS_INPUT, CRC_EXTRA, sequence, &payload)

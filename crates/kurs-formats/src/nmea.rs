@@ -119,7 +119,7 @@ impl<'a> Epoch<'a> {
             "GNGGA,{clock},{},{},{:02},{},{:.4},M,{separation_m:.2},M,,",
             place(position),
             quality(position.origin),
-            self.row.satellites.min(99),
+            self.row.satellites_in_use().min(99),
             number(position.hdop, 2),
             position.geodetic.height_m - separation_m,
         )

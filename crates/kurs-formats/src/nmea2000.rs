@@ -169,7 +169,7 @@ fn fix(count: u8, time: GpsTime, row: &EpochSolution) -> Pgn {
     payload.extend(wide(geodetic.map(|g| g.longitude_rad.to_degrees() * 1e16)));
     payload.extend(wide(sea_height_m.map(|height_m| height_m * 1e6)));
     payload.extend([SYSTEMS | method << 4, NO_INTEGRITY]);
-    payload.push(u8::try_from(row.satellites).unwrap_or(u8::MAX));
+    payload.push(u8::try_from(row.satellites_in_use()).unwrap_or(u8::MAX));
     payload.extend(hdop.map_or(i16::MAX, |hdop| whole::i16(hdop * 100.0)).to_le_bytes());
     payload.extend(i16::MAX.to_le_bytes());
     payload.extend(undulation_m.map_or(i32::MAX, |m| whole::i32(m * 100.0)).to_le_bytes());

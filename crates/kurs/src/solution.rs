@@ -123,6 +123,8 @@ pub struct EpochSolution {
     pub shared_satellites: usize,
     /// Satellites with a double-differenced carrier phase.
     pub satellites: usize,
+    /// Satellites by whose code the antenna was located that the position is of.
+    pub located_by: usize,
     /// Root mean square of the residuals of double-difference phases, or of coordinates, m.
     pub residual_rms_m: Option<f64>,
     /// Body origin, or the first antenna while the attitude is unknown.
@@ -386,6 +388,7 @@ impl EpochSolution {
             idle_antennas: Vec::new(),
             shared_satellites: 0,
             satellites: 0,
+            located_by: 0,
             residual_rms_m: None,
             position: None,
             baselines: Vec::new(),
@@ -405,6 +408,13 @@ impl EpochSolution {
             self.outcome = Outcome::Inconsistent { attitude, reason };
             self.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
         }
+    }
+
+    /// Satellites in use, as receivers say it beside a position: those of the double differences, or, where there are
+    /// none, those that the antenna was located by.
+    #[must_use]
+    pub const fn satellites_in_use(&self) -> usize {
+        if self.satellites > 0 { self.satellites } else { self.located_by }
     }
 
     /// What the solution leaves of each signal; empty unless wanted.

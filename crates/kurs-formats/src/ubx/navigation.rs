@@ -108,7 +108,7 @@ fn pvt(time: GpsTime, row: &EpochSolution) -> Vec<u8> {
     let vehicle = if heading.is_some() { VEHICLE_HEADING_VALID } else { 0 };
     // `flags2`: nothing is confirmed.
     p.extend([position.map_or(0, fix_flags) | vehicle, 0]);
-    p.push(u8::try_from(row.satellites).unwrap_or(u8::MAX));
+    p.push(u8::try_from(row.satellites_in_use()).unwrap_or(u8::MAX));
     p.extend(place_and_velocity(position));
     let pdop = position.and_then(Dilution::of).map_or(99.99, |d| d.position.min(99.99));
     p.extend(whole::u16(pdop * 100.0).to_le_bytes());

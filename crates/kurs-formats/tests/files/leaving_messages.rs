@@ -5,6 +5,7 @@ use kurs::solution::EpochSolution;
 use kurs::turn_rate::Rate;
 use kurs_formats::nmea::{self, Profile};
 use kurs_formats::nmea2000::{self, Form};
+use kurs_formats::ubx::{self, AntennaLine};
 use kurs_formats::{mavlink, ros, signal_k};
 
 use crate::leaving_rows::{fixed, fixed_line, float, without_heading};
@@ -28,6 +29,23 @@ fn gps_input_has_a_yaw_of_its_own_for_north_and_for_none() {
     assert_eq!(found, [36_000, 36_000, 1, 9000, 20_000, 35_990, 35_999, 36_000]);
     assert_eq!(yaw(&without_heading(0)), 0);
     assert_eq!(yaw(&float(0, [90.0; 3])), 0);
+}
+
+/// One antenna that is left has no double differences: the satellites beside its position are those that it was located
+/// by. In NAV-PVT their number is byte 23, in GPS_INPUT byte 62 of the payload.
+#[test]
+fn a_position_never_has_no_satellites() {
+    let mut row = without_heading(0);
+    (row.satellites, row.located_by) = (0, 11);
+    let mut text = String::new();
+    nmea::encode(Profile::Marine, &row, [None; 3], &mut text);
+    assert!(text.starts_with("$GNGGA,") && text.contains(",E,1,11,0.90,"), "{text}");
+    assert_eq!(mavlink::gps_input(&row, 0)[10 + 62], 11);
+    let line = AntennaLine { rover: 1, body_m: Vector::new(1.0, 0.0, 0.0) };
+    let messages = ubx::navigation(&row, &line, false);
+    let is_pvt = |bytes: &[u8]| bytes.starts_with(&[0xb5, 0x62, 0x01, 0x07]);
+    let pvt = (0..messages.len()).find(|at| is_pvt(&messages[*at..])).unwrap();
+    assert_eq!(messages[pvt + 6 + 23], 11);
 }
 
 fn canboat(row: &EpochSolution, rates: &[Option<Rate>; 3]) -> Vec<String> {

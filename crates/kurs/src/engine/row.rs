@@ -30,6 +30,7 @@ impl Estimator {
         // The instant of that antenna: its tag less its clock bias.
         let time = located.tag + -point.clock_m / SPEED_OF_LIGHT_MPS;
         row.time_utc = Some(navigation.utc(time));
+        row.located_by = point.satellites;
         let ned_from_ecef = point.horizon.ned_from_ecef();
         row.position = Some(PositionEstimate {
             antenna: Some(located.antenna),

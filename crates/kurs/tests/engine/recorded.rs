@@ -78,6 +78,17 @@ fn a_recorded_epoch_gives_what_it_gave() {
     close(position.velocity_mps.unwrap().xyz().norm(), FROZEN[15]);
 }
 
+/// One antenna alone is located all the same, and the row says by how many satellites.
+#[test]
+fn an_antenna_that_is_left_alone_has_a_position_and_its_satellites() {
+    let mut epoch = recording::epochs().unwrap()[0].clone();
+    epoch.antennas[1] = None;
+    let row = engine(&["G1", "E1"]).push(&epoch);
+    assert!(row.position.is_some());
+    assert_eq!((row.antennas, row.satellites, row.shared_satellites), (1, 0, 0));
+    assert_eq!((row.located_by, row.satellites_in_use()), (15, 15));
+}
+
 /// In this order as the test above reads them: heading, pitch and their standard deviations (°), baseline east,
 /// north, up and the root of its variances (m), success rate, ratio, residuals (m), latitude and longitude
 /// (0.001°), height, clock (m), speed of an antenna at rest (m/s).
