@@ -18,6 +18,19 @@ use crate::geoid::geoid_height_m;
 const NS_PER_HUNDREDTH: i64 = 10_000_000;
 const KNOTS_PER_MPS: f64 = 3600.0 / 1852.0;
 const KMH_PER_MPS: f64 = 3.6;
+/// Characters of a sentence between `$` and `*`: NMEA 0183 has 82 from `$` to the line end, of which these two, the
+/// checksum and the line end are six.
+const MAX_BODY: usize = 76;
+/// Decimals of minutes: 0.2 mm.
+const MINUTE_DECIMALS: usize = 7;
+/// Decimals of height and minutes in GGA; those of the first that fits are used. Readers need no tenths of millimetres of a
+/// height, and lose more where the place is cut.
+const GGA_DECIMALS: [(usize, usize); 5] =
+    [(4, MINUTE_DECIMALS), (3, MINUTE_DECIMALS), (2, MINUTE_DECIMALS), (2, 6), (1, 5)];
+/// Those that fit at any height.
+const FEWEST_DECIMALS: (usize, usize) = (0, 4);
+/// Greatest dilution of precision that is said.
+const MAX_DILUTION: f64 = 99.99;
 
 /// Which sentences an epoch has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,14 +128,18 @@ impl<'a> Epoch<'a> {
         };
         // Both are rounded so that their sum is the height above the ellipsoid.
         let separation_m = (geoid_height_m(&position.geodetic) * 100.0).round() / 100.0;
-        format!(
-            "GNGGA,{clock},{},{},{:02},{},{:.4},M,{separation_m:.2},M,,",
-            place(position),
-            quality(position.origin),
-            self.row.satellites_in_use().min(99),
-            number(position.hdop, 2),
-            position.geodetic.height_m - separation_m,
-        )
+        let with = |(of_height, of_minutes): (usize, usize)| {
+            format!(
+                "GNGGA,{clock},{},{},{:02},{},{:.of_height$},M,{separation_m:.2},M,,",
+                place(position, of_minutes),
+                quality(position.origin),
+                self.row.satellites_in_use().min(99),
+                number(position.hdop.map(|hdop| hdop.min(MAX_DILUTION)), 2),
+                position.geodetic.height_m - separation_m,
+            )
+        };
+        let mut bodies = GGA_DECIMALS.into_iter().map(with);
+        bodies.find(|body| body.len() <= MAX_BODY).unwrap_or_else(|| with(FEWEST_DECIMALS))
     }
 
     /// Position, speed, course and date.
@@ -133,7 +150,7 @@ impl<'a> Epoch<'a> {
             return format!("GNRMC,{clock},V,,,,,,,{date},,,N");
         };
         let speed = number(speed_mps(position).map(|speed| speed * KNOTS_PER_MPS), 3);
-        let (place, mode) = (place(position), mode(Some(position)));
+        let (place, mode) = (place(position, MINUTE_DECIMALS), mode(Some(position)));
         format!("GNRMC,{clock},A,{place},{speed},{},{date},,,{mode}", course(position))
     }
 
@@ -215,23 +232,23 @@ fn clock(utc: &Calendar) -> String {
 }
 
 /// Latitude and longitude with their letters.
-fn place(position: &PositionEstimate) -> String {
+fn place(position: &PositionEstimate, decimals: usize) -> String {
     let geodetic = &position.geodetic;
     format!(
         "{},{},{},{}",
-        degrees_minutes(geodetic.latitude_rad, 2),
+        degrees_minutes(geodetic.latitude_rad, 2, decimals),
         if geodetic.latitude_rad < 0.0 { 'S' } else { 'N' },
-        degrees_minutes(geodetic.longitude_rad, 3),
+        degrees_minutes(geodetic.longitude_rad, 3, decimals),
         if geodetic.longitude_rad < 0.0 { 'W' } else { 'E' },
     )
 }
 
-/// `ddmm.mmmmmmm` with the sign left out.
-fn degrees_minutes(angle_rad: f64, width: usize) -> String {
-    const SCALE: f64 = 1e7;
-    let minutes = (angle_rad.abs().to_degrees() * 60.0 * SCALE).round() / SCALE;
-    let degrees = (minutes / 60.0).floor();
-    format!("{degrees:0width$}{:010.7}", minutes - 60.0 * degrees)
+/// `ddmm.mmmmmmm` with so many decimals and the sign left out.
+fn degrees_minutes(angle_rad: f64, width: usize, decimals: usize) -> String {
+    let scale = 10f64.powf(decimals as f64);
+    let minutes = (angle_rad.abs().to_degrees() * 60.0 * scale).round() / scale;
+    let (degrees, length) = ((minutes / 60.0).floor(), decimals + 3);
+    format!("{degrees:0width$}{:0length$.decimals$}", minutes - 60.0 * degrees)
 }
 
 /// Quality of GGA: alone, with a station by code (real-valued), by phase (integers).
@@ -330,7 +347,7 @@ mod tests {
         let second = sentences(&mut encoder, &row(before_midnight(), 0.99996));
         let place = "4306.0000000,N,13154.0000000,W";
         let separation = geoid_height_m(&Geodetic::from_degrees(43.1, -131.9, 0.0));
-        let (sea, height) = (format!("{separation:.2}"), format!("{:.2}00", 30.0 - separation));
+        let (sea, height) = (format!("{separation:.2}"), format!("{:.2}0", 30.0 - separation));
         assert_eq!(
             second,
             [
@@ -400,6 +417,30 @@ mod tests {
         assert_eq!(found[4..], ["$PTNTHTM,0.000,N,-2.000,N,,,,"]);
     }
 
+    /// On the Elbrus, below the Dead Sea's shore, in an aircraft and in orbit.
+    #[test]
+    fn gga_is_never_longer_than_nmea_0183_allows() {
+        let mut row = row(before_midnight(), 20.0);
+        let mut gga_at = |height_m: f64, hdop: f64| {
+            let position = row.position.as_mut().unwrap();
+            position.geodetic = Geodetic { height_m, ..position.geodetic };
+            position.hdop = Some(hdop);
+            gga(&row)
+        };
+        for (height_m, hdop) in [30.0, 642.5, 5642.1, -430.0, 12_345.678, 500_000.0, 2e7]
+            .into_iter()
+            .flat_map(|height_m| [(height_m, 0.876), (height_m, 1e6)])
+        {
+            let sentence = gga_at(height_m, hdop);
+            assert!(sentence.len() <= 82, "{} characters: {sentence}", sentence.len());
+            let fields: Vec<&str> = sentence.split(',').collect();
+            let number = |k: usize| fields[k].parse::<f64>().unwrap();
+            let tolerance_m = if height_m < 1e6 { 0.06 } else { 0.6 };
+            assert!((number(9) + number(11) - height_m).abs() < tolerance_m, "{sentence}");
+            assert!((number(2) - 4306.0).abs() < 1e-9, "{sentence}");
+        }
+    }
+
     /// NMEA 0183: the checksum of this sentence is 03.
     #[test]
     fn checksum_is_the_exclusive_or() {
@@ -410,9 +451,9 @@ mod tests {
 
     #[test]
     fn minutes_carry_into_degrees() {
-        assert_eq!(degrees_minutes(48f64.to_radians(), 2), "4800.0000000");
-        assert_eq!(degrees_minutes(-0.5f64.to_radians(), 3), "00030.0000000");
+        assert_eq!(degrees_minutes(48f64.to_radians(), 2, 7), "4800.0000000");
+        assert_eq!(degrees_minutes(-0.5f64.to_radians(), 3, 7), "00030.0000000");
         let almost = (12.0 - 1e-12f64).to_radians();
-        assert_eq!(degrees_minutes(almost, 3), "01200.0000000");
+        assert_eq!(degrees_minutes(almost, 3, 7), "01200.0000000");
     }
 }

@@ -4,7 +4,10 @@ use kurs::solution::{PositionOrigin, Status};
 use kurs::time::Calendar;
 use kurs::turn_rate::course_rad;
 
-use super::{Epoch, KMH_PER_MPS, KNOTS_PER_MPS, angle, clock, number, place, quality, speed_mps};
+use super::{
+    Epoch, KMH_PER_MPS, KNOTS_PER_MPS, MINUTE_DECIMALS, angle, clock, number, place, quality,
+    speed_mps,
+};
 use crate::dilution::Dilution;
 use crate::geoid::geoid_height_m;
 
@@ -107,7 +110,7 @@ impl Epoch<'_> {
         Some(format!(
             "PAOGI,{},{},{},{},{},{:.3},,{},{},{:.3},{},{}",
             clock(&self.utc),
-            place(position),
+            place(position, MINUTE_DECIMALS),
             quality(position.origin),
             self.row.satellites_in_use().min(99),
             number(position.hdop, 2),
