@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
@@ -39,10 +40,11 @@ pub(super) fn setup(
     let state_dir = live.state_dir.as_ref().map(|directory| loaded.path(directory));
     let remembered = state_dir.as_deref().map(kurs_live::remembered).unwrap_or_default();
     let files = navigation_files(loaded)?;
-    let newest = kurs_live::newest_reference_time(&files);
+    let of_files = kurs_live::newest_reference_time(&files);
     let mut navigation = remembered.navigation;
+    let of_earlier_run = kurs_live::newest_reference_time(&navigation).or(remembered.time);
     navigation.update(&files);
-    let newest = newest.or_else(|| kurs_live::newest_reference_time(&navigation));
+    let clock = kurs_live::gps_time(SystemTime::now());
 
     let token = live.token_file.as_ref().map(|file| token(&loaded.path(file))).transpose()?;
     let body = live.body.unwrap_or_else(|| "body".to_owned());
@@ -68,7 +70,7 @@ pub(super) fn setup(
         deadline: deadline(live.deadline_ms)?,
         station_max_age_s: station_max_age_s(loaded)?,
         common_clock: live.common_clock,
-        known_time: newest.or(remembered.time),
+        known_time: of_files.or(of_earlier_run.filter(|time| is_of_these_days(*time, clock))),
         write_row: Box::new(move |row| {
             let mut summary = summary.lock().unwrap_or_else(PoisonError::into_inner);
             summary.add(row, row.shared_satellites >= 4);
@@ -88,6 +90,13 @@ pub(super) fn setup(
         log_dir: loaded.config.log.as_ref().map(|log| loaded.path(&log.dir)),
         once,
     })
+}
+
+/// Whether a time that an earlier run left tells the week still: the system's clock is less than half a week behind it, or
+/// before it, and then it is the clock that is wrong (that of a computer without a battery begins anew).
+fn is_of_these_days(time: GpsTime, clock: GpsTime) -> bool {
+    const HALF_WEEK_S: f64 = 302_400.0;
+    clock - time < HALF_WEEK_S
 }
 
 /// What a configuration that was read again changes.
@@ -365,6 +374,17 @@ from = "tcp://127.0.0.1:7400"
 [log]
 dir = "logs"
 "#;
+
+    /// A state that is a week old must not put streams without a week into the last one.
+    #[test]
+    fn an_old_state_does_not_tell_the_week() {
+        let clock = GpsTime::from_week_tow(2447, 300_000.0).unwrap();
+        for (age_s, is_used) in
+            [(60.0, true), (2.0 * 86_400.0, true), (604_800.0, false), (-30.0 * 86_400.0, true)]
+        {
+            assert_eq!(is_of_these_days(clock + -age_s, clock), is_used, "{age_s} s");
+        }
+    }
 
     fn outcome(folder: &Path, text: &str) -> Result<(), String> {
         let file: PathBuf = folder.join("live.toml");

@@ -117,7 +117,7 @@ impl LogReader {
     pub fn of_stream(mut source: Source, options: &LogOptions) -> Result<Self, ReadError> {
         const OBSERVATIONS: &str = "messages with observations: RXM-RAWX (UBX), MSM 4 to 7 or 1004 and \
             1012 (RTCM 3) or MeasEpoch (SBF)";
-        let options = LogOptions { as_received: true, ..*options };
+        let mut options = LogOptions { as_received: true, ..*options };
         let chosen = options.chosen_protocol();
         let (mut scanner, mut damage) = (FrameScanner::default(), DamageLog::default());
         let mut news = News::new(options.approximate_time);
@@ -133,7 +133,11 @@ impl LogReader {
             if is_wanted && MessageKind::of(&frame).role() == Role::Observations {
                 break frame.protocol;
             }
-            news.gather(&frame, &mut damage);
+            if let Some(told) = news.gather(&frame, &mut damage) {
+                // Before the first epoch nothing has been dated by the wrong week yet.
+                options.approximate_time = Some(told);
+                news.set_time(told);
+            }
             interference.take(&frame, antenna, &mut damage);
         };
         scanner.give_again();

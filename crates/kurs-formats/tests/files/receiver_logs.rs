@@ -670,22 +670,25 @@ impl Read for Stalled {
     }
 }
 
-/// A stream begun with a date that is years off ends, and says which week it is of.
-#[test]
-fn ephemerides_tell_that_the_week_is_wrong() {
-    let epochs = written_epochs(&COMMON, 0.5);
-    let numbered = |number: u8| {
-        let mut data = NavigationData::default();
-        for ephemeris in navigation().ephemerides.iter() {
-            let Ephemeris::Glonass(glonass) = ephemeris else { continue };
+/// Ephemerides of four satellites, which tell the date.
+fn four_of_glonass() -> NavigationData {
+    let mut data = NavigationData::default();
+    for ephemeris in navigation().ephemerides.iter() {
+        let Ephemeris::Glonass(glonass) = ephemeris else { continue };
+        for number in 1..5 {
             let satellite = Satellite { number, ..glonass.elements().satellite };
             let elements = GlonassElements { satellite, ..*glonass.elements() };
             data.ephemerides.insert(Ephemeris::Glonass(GlonassEphemeris::new(elements).unwrap()));
         }
-        data
-    };
-    let mut data = NavigationData::default();
-    (1..5).for_each(|number| data.update(&numbered(number)));
+    }
+    data
+}
+
+/// A stream begun with a date that is years off ends, and says which week it is of.
+#[test]
+fn ephemerides_tell_that_the_week_is_wrong() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let data = four_of_glonass();
     let place = Vector::new(4e6, 3e5, 4.9e6);
     let mut without = Rtcm3Writer::new(Vec::new(), 9, place, &NavigationData::default());
     epochs[..4].iter().for_each(|epoch| without.write(epoch).unwrap());
@@ -712,6 +715,23 @@ fn ephemerides_tell_that_the_week_is_wrong() {
         assert_eq!(told, (off_s > 0.0).then_some(true));
         assert_eq!(outcome.contains("ephemerides of 2024-"), off_s > 0.0, "{outcome}");
     }
+}
+
+/// Ephemerides before the first observation set a date right that is a week old: nothing has to be begun anew.
+#[test]
+fn ephemerides_before_the_first_observation_set_the_week_right() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let place = Vector::new(4e6, 3e5, 4.9e6);
+    let mut writer = Rtcm3Writer::new(Vec::new(), 9, place, &four_of_glonass());
+    epochs.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let sent = writer.finish();
+    let week_old =
+        LogOptions { approximate_time: Some(epochs[0].time + -604_800.0), ..LogOptions::default() };
+    let source = Source::new(std::io::Cursor::new(sent), "stream").unwrap();
+    let mut reader = LogReader::of_stream(source, &week_old).unwrap();
+    let mut epoch = AntennaEpoch::default();
+    assert!(reader.next_epoch(&mut epoch).unwrap());
+    assert!((epoch.time - epochs[0].time).abs() < 1e-6, "{}", epoch.time);
 }
 
 /// CRC-24Q by its polynomial, behind a message whose bits were changed.
