@@ -13,6 +13,9 @@ use crate::source::ReadError;
 
 /// A step this many times the shortest one is a jump, to be confirmed by the next epoch.
 pub(crate) const JUMP_STEPS: f64 = 10.0;
+/// So many epochs in a row that go on from each other at an earlier time are those of a clock that was set back: a single
+/// damaged date is alone.
+const SET_BACK: u32 = 3;
 
 /// Epochs as they stand in a file, in whatever order.
 pub(crate) trait RawEpochs {
@@ -47,6 +50,12 @@ impl<E: RawEpochs> Ordered<E> {
         Self { order, ..Self::new(raw) }
     }
 
+    /// The same of a stream that nobody but its receiver can set right: where the receiver's clock is set back, its epochs
+    /// come out at their earlier times once several have confirmed it.
+    pub(crate) const fn follow_clock_set_back(&mut self) {
+        self.order.follows_set_back = true;
+    }
+
     /// Reads the next epoch into `epoch`; `false` (and no observations) at the end.
     pub(crate) fn next_epoch(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
         let Some(mut place) = self.next_later(epoch)? else {
@@ -71,7 +80,7 @@ impl<E: RawEpochs> Ordered<E> {
                     None => return Ok(None),
                 },
             };
-            if self.order.is_later(epoch.time) {
+            if self.order.is_later(epoch.time) || self.order.is_set_back(epoch.time) {
                 return Ok(Some(place));
             }
             note_late(&mut self.raw, epoch, place);
@@ -125,12 +134,32 @@ struct EpochOrder {
     next: AntennaEpoch,
     /// A jump is one only where the interval is known.
     is_prompt: bool,
+    /// Time may be set back.
+    follows_set_back: bool,
+    /// The last epoch that was not later, and how many went on from each other until it.
+    earlier: Option<(GpsTime, u32)>,
 }
 
 impl EpochOrder {
     /// Whether the time is behind everything that was given out.
     fn is_later(&self, time: GpsTime) -> bool {
         self.last.is_none_or(|last| time > last)
+    }
+
+    /// Whether an epoch that is not later confirms that time was set back; what was given out before does not bind then.
+    fn is_set_back(&mut self, time: GpsTime) -> bool {
+        let step_s = self.shortest_step_s.unwrap_or(f64::INFINITY);
+        let goes_on = |before: GpsTime| time > before && time - before <= JUMP_STEPS * step_s;
+        let count = match self.earlier {
+            Some((before, count)) if goes_on(before) => count + 1,
+            _ => 1,
+        };
+        self.earlier = Some((time, count));
+        let is_set_back = self.follows_set_back && count >= SET_BACK;
+        if is_set_back {
+            self.last = None;
+        }
+        is_set_back
     }
 
     /// Whether the time is so far ahead that the next epoch must confirm it.
@@ -143,6 +172,7 @@ impl EpochOrder {
 
     /// Takes note of an epoch that is given out.
     fn give_out(&mut self, time: GpsTime) {
+        self.earlier = None;
         if let Some(last) = self.last.replace(time) {
             let step_s = time - last;
             self.shortest_step_s = Some(self.shortest_step_s.map_or(step_s, |s| s.min(step_s)));

@@ -144,6 +144,7 @@ impl LogReader {
         let start = Start { observing: Some(protocol), found: Some(protocol), dating };
         let mut reader = Self::new(source, protocol, &options, start)?;
         reader.epochs.raw.go_on_from(scanner, damage, news, interference);
+        reader.epochs.follow_clock_set_back();
         Ok(reader)
     }
 

@@ -734,6 +734,44 @@ fn ephemerides_before_the_first_observation_set_the_week_right() {
     assert!((epoch.time - epochs[0].time).abs() < 1e-6, "{}", epoch.time);
 }
 
+/// A receiver sets its clock back by a minute: of a stream its epochs come out again from the third one on, of a file
+/// none does. A single epoch of an earlier time is skipped by both.
+#[test]
+fn a_stream_follows_a_clock_that_is_set_back() {
+    let epochs = written_epochs(&COMMON, 0.5);
+    let early = |number: usize| AntennaEpoch {
+        time: epochs[number].time + -60.0,
+        ..epochs[number].clone()
+    };
+    let mut all: Vec<AntennaEpoch> = epochs[..4].to_vec();
+    all.push(early(0));
+    all.extend_from_slice(&epochs[4..6]);
+    all.extend((0..6).map(early));
+    let mut writer = UbxWriter::new(Vec::new(), &NavigationData::default());
+    all.iter().for_each(|epoch| writer.write(epoch).unwrap());
+    let bytes = writer.finish();
+    let source = || Source::new(std::io::Cursor::new(bytes.clone()), "stream").unwrap();
+    let times = |reader: &mut LogReader| {
+        let mut epoch = AntennaEpoch::default();
+        let mut times = Vec::new();
+        while reader.next_epoch(&mut epoch).unwrap() {
+            times.push(((epoch.time - epochs[0].time) * 2.0).round() / 2.0);
+        }
+        times
+    };
+    let before: Vec<f64> = (0..6).map(|number| 0.5 * f64::from(number)).collect();
+    let behind: Vec<f64> = (2..6).map(|number| 0.5 * f64::from(number) - 60.0).collect();
+    let mut stream = LogReader::of_stream(source(), &LogOptions::default()).unwrap();
+    assert_eq!(times(&mut stream), [before.clone(), behind].concat());
+    let options = LogOptions { as_received: true, ..LogOptions::default() };
+    let Ok(ObservationSource::Log(mut file)) =
+        ObservationSource::from_source_with(source(), &options)
+    else {
+        panic!("a log");
+    };
+    assert_eq!(times(&mut file), before);
+}
+
 /// CRC-24Q by its polynomial, behind a message whose bits were changed.
 fn resealed(mut frame: Vec<u8>) -> Vec<u8> {
     frame.truncate(frame.len() - 3);
