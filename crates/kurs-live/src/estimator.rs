@@ -27,7 +27,7 @@ use crate::status::{Status, StreamStatus};
 
 /// A consumer drops an attitude that is older than this (ArduPilot: 300 ms to 400 ms); counted from the
 /// first byte of the epoch.
-const EXPIRES: Duration = Duration::from_millis(300);
+pub(crate) const EXPIRES: Duration = Duration::from_millis(300);
 /// The thread wakes up at least so often, to tell that it lives.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// Tags of receivers with one clock are equal to better than this, ns.
@@ -279,6 +279,7 @@ impl Estimator {
             let Some(bytes) = sink.encode(&row, &rates, &times) else { continue };
             if expires.is_some_and(|expires| Instant::now() > expires) {
                 self.status.expired.fetch_add(1, Relaxed);
+                sink.note_expired();
                 continue;
             }
             sink.send(Message { bytes: bytes.into(), expires });

@@ -44,6 +44,7 @@ mod service;
 mod state;
 mod status;
 mod systemd;
+mod trouble;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 

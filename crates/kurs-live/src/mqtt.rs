@@ -21,6 +21,7 @@ use crate::bus::{self, Subscription};
 use crate::connection::CONNECT_TIMEOUT;
 use crate::output::Message;
 use crate::status::Status;
+use crate::trouble::Trouble;
 
 /// A broker that says nothing for so long, though it is asked to, is gone.
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
@@ -76,6 +77,7 @@ pub(crate) async fn publish(
     topic: &Mqtt,
     receiver: broadcast::Receiver<Message>,
     status: Arc<Status>,
+    way: &Trouble,
 ) {
     let mut back_off = BackOff::of_own();
     while !receiver.is_closed() {
@@ -84,11 +86,12 @@ pub(crate) async fn publish(
         match connected.map_err(io::Error::from).and_then(|event| event.map_err(broken)) {
             Ok(_) => {
                 back_off.reset();
+                way.end();
                 let error = publish_on(topic, &client, events, receiver.resubscribe(), &status);
                 let Some(error) = error.await else { return };
-                tracing::warn!("output {topic} broke: {error}");
+                way.note(&format!("broke: {error}"));
             }
-            Err(error) => tracing::warn!("output {topic} cannot be opened: {error}"),
+            Err(error) => way.note(&format!("cannot be opened: {error}")),
         }
         tokio::time::sleep(back_off.next()).await;
     }

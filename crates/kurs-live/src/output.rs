@@ -1,6 +1,7 @@
 //! Where messages go: TCP as server and client, UDP, serial, a bus. A receiver that does not read is left
 //! behind or dropped; nothing waits for it, and nothing gathers.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -19,7 +20,8 @@ use tokio::time::timeout;
 use crate::address::Address;
 use crate::back_off::BackOff;
 use crate::service::Times;
-use crate::status::Status;
+use crate::status::{OutputStatus, Status};
+use crate::trouble::Trouble;
 
 /// Messages that may wait for a slow client: a second at 100 Hz.
 const QUEUE: usize = 128;
@@ -75,6 +77,7 @@ pub(crate) struct Sink {
     sender: broadcast::Sender<Message>,
     /// Number of the last period of the rate that had a message.
     last_period: Option<f64>,
+    status: Arc<OutputStatus>,
 }
 
 impl Sink {
@@ -103,7 +106,15 @@ impl Sink {
         self.last_period.replace(period) != Some(period)
     }
 
+    /// A message was too old to leave.
+    pub(crate) fn note_expired(&self) {
+        self.status.age.note(
+            "sends nothing: its messages are more than 300 ms older than the first byte of their epoch",
+        );
+    }
+
     pub(crate) fn send(&self, message: Message) {
+        self.status.age.end();
         // Without receivers there is nobody to tell.
         let _ = self.sender.send(message);
     }
@@ -113,28 +124,31 @@ impl Sink {
 pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
     let (sender, receiver) = broadcast::channel(QUEUE);
     let Output { address, rate_hz, encode, partner } = output;
-    let sink = Sink { rate_hz, encode, sender: sender.clone(), last_period: None };
+    let output = status.add_output(&address.to_string());
+    let sink =
+        Sink { rate_hz, encode, sender: sender.clone(), last_period: None, status: output.clone() };
     tokio::spawn(async move {
+        let way = &output.way;
         match address {
             Address::TcpListen { at } => {
                 drop(receiver);
-                serve(&at, sender, &partner, status).await;
+                serve(&at, sender, &partner, status, way).await;
             }
             Address::Tcp { to } => {
-                send_for_ever(receiver, &partner, &status, || connect(&to)).await;
+                send_for_ever(receiver, &partner, &status, way, || connect(&to)).await;
             }
             Address::Serial { path, baud } => {
                 let open = || async { SerialPort::open(&path, baud) };
-                send_for_ever(receiver, &partner, &status, open).await;
+                send_for_ever(receiver, &partner, &status, way, open).await;
             }
-            Address::Udp { at } => send_datagrams(&at, receiver, &status).await,
+            Address::Udp { at } => send_datagrams(&at, receiver, &status, way).await,
             #[cfg(feature = "mqtt")]
-            Address::Mqtt(topic) => crate::mqtt::publish(&topic, receiver, status).await,
+            Address::Mqtt(topic) => crate::mqtt::publish(&topic, receiver, status, way).await,
             #[cfg(not(feature = "mqtt"))]
             Address::Mqtt(_) => {}
             #[cfg(feature = "zenoh")]
             Address::Zenoh(key) => {
-                crate::zenoh::publish(&key, partner.publisher, receiver, status).await;
+                crate::zenoh::publish(&key, partner.publisher, receiver, status, way).await;
             }
             #[cfg(not(feature = "zenoh"))]
             Address::Zenoh(_) => {}
@@ -155,11 +169,13 @@ async fn serve(
     sender: broadcast::Sender<Message>,
     partner: &Partner,
     status: Arc<Status>,
+    way: &Trouble,
 ) {
     let mut back_off = BackOff::of_own();
     loop {
         match listen(at).await {
             Ok(listener) => loop {
+                way.end();
                 let Ok((stream, peer)) = listener.accept().await else { break };
                 if status.clients.load(Relaxed) >= MAX_CLIENTS {
                     tracing::warn!(%peer, "too many clients, refused");
@@ -176,15 +192,14 @@ async fn serve(
                     status.clients.fetch_sub(1, Relaxed);
                 });
             },
-            Err(error) => tracing::error!("{at} cannot be listened at: {error}"),
+            Err(error) => way.note(&format!("cannot be listened at: {error}")),
         }
         tokio::time::sleep(back_off.next()).await;
     }
 }
 
 async fn listen(at: &str) -> std::io::Result<tokio::net::TcpListener> {
-    let address = lookup_host(at).await?.next();
-    let address = address.ok_or_else(|| std::io::Error::other("the host has no address"))?;
+    let address = first_address(at).await?;
     let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
     socket.set_reuseaddr(true)?;
     socket.set_send_buffer_size(SEND_BUFFER)?;
@@ -261,6 +276,7 @@ async fn send_for_ever<S: AsyncRead + AsyncWrite, F: Future<Output = std::io::Re
     receiver: broadcast::Receiver<Message>,
     partner: &Partner,
     status: &Status,
+    way: &Trouble,
     connect: impl Fn() -> F,
 ) {
     let mut back_off = BackOff::of_own();
@@ -268,23 +284,29 @@ async fn send_for_ever<S: AsyncRead + AsyncWrite, F: Future<Output = std::io::Re
         match connect().await {
             Ok(stream) => {
                 back_off.reset();
+                way.end();
                 let outcome = talk(stream, receiver.resubscribe(), partner.clone(), status).await;
                 if receiver.is_closed() {
                     return;
                 }
                 match outcome {
-                    Ended::Closed => tracing::warn!("output was closed by the other end"),
-                    Ended::Broken(what) => tracing::warn!("output broke: {what}"),
+                    Ended::Closed => way.note("was closed by the other end"),
+                    Ended::Broken(what) => way.note(&format!("broke: {what}")),
                 }
             }
-            Err(error) => tracing::warn!("output cannot be opened: {error}"),
+            Err(error) => way.note(&format!("cannot be opened: {error}")),
         }
         tokio::time::sleep(back_off.next()).await;
     }
 }
 
-async fn send_datagrams(at: &str, mut receiver: broadcast::Receiver<Message>, status: &Status) {
-    let mut socket = None;
+async fn send_datagrams(
+    at: &str,
+    mut receiver: broadcast::Receiver<Message>,
+    status: &Status,
+    way: &Trouble,
+) {
+    let mut target = None;
     loop {
         let message = match receiver.recv().await {
             Ok(message) => message,
@@ -295,14 +317,45 @@ async fn send_datagrams(at: &str, mut receiver: broadcast::Receiver<Message>, st
             status.expired.fetch_add(1, Relaxed);
             continue;
         }
-        if socket.is_none() {
-            socket = UdpSocket::bind("0.0.0.0:0").await.ok();
-        }
         // Nobody there is no error: the next datagram may find someone.
-        if let Some(socket) = &socket {
-            let _ = socket.send_to(&message.bytes, at).await;
+        match send_datagram(&mut target, at, &message.bytes).await {
+            Ok(()) => way.end(),
+            Err(error) => {
+                // The next one looks the host up again: its address may be another one by then.
+                target = None;
+                status.unsent.fetch_add(1, Relaxed);
+                way.note(&format!("cannot be sent to: {error}"));
+            }
         }
     }
+}
+
+/// Sends from the socket to the address of `target`, which are found first if they are not known.
+async fn send_datagram(
+    target: &mut Option<(UdpSocket, SocketAddr)>,
+    at: &str,
+    bytes: &[u8],
+) -> std::io::Result<()> {
+    let (socket, address) = match target {
+        Some(target) => target,
+        None => target.insert(datagram_target(at).await?),
+    };
+    socket.send_to(bytes, *address).await?;
+    Ok(())
+}
+
+/// A socket of the family of the address, which may be one of a whole network.
+async fn datagram_target(at: &str) -> std::io::Result<(UdpSocket, SocketAddr)> {
+    let address = first_address(at).await?;
+    let any = if address.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+    let socket = UdpSocket::bind(any).await?;
+    socket.set_broadcast(true)?;
+    Ok((socket, address))
+}
+
+async fn first_address(at: &str) -> std::io::Result<SocketAddr> {
+    let address = lookup_host(at).await?.next();
+    address.ok_or_else(|| std::io::Error::other("the host has no address"))
 }
 
 #[cfg(test)]
@@ -315,7 +368,8 @@ mod tests {
     fn a_rate_is_kept_on_a_grid() {
         let (sender, _) = broadcast::channel(1);
         let encode: Encode = Arc::new(|_, _, _| None);
-        let mut sink = Sink { rate_hz: Some(10.0), encode, sender, last_period: None };
+        let status = Status::new().add_output("udp://h:1");
+        let mut sink = Sink { rate_hz: Some(10.0), encode, sender, last_period: None, status };
         let begin = GpsTime::from_week_tow(2300, 0.0).unwrap();
         let off_s = [0.0, -4e-4, 4e-4, -9e-4];
         let due: Vec<usize> = (0..40)
@@ -327,5 +381,30 @@ mod tests {
         assert_eq!(due, [0, 2, 4, 6, 8, 10, 19, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38]);
         sink.rate_hz = None;
         assert!(sink.is_due(begin) && sink.is_due(begin));
+    }
+
+    /// To IPv6 and to a whole network (that of the loopback); what the system refuses is counted and told.
+    #[tokio::test]
+    async fn datagrams_reach_every_kind_of_address() {
+        for (listen, host) in [("[::1]:0", "[::1]"), ("0.0.0.0:0", "127.255.255.255")] {
+            let heard = UdpSocket::bind(listen).await.unwrap();
+            let at = format!("{host}:{}", heard.local_addr().unwrap().port());
+            let mut target = None;
+            send_datagram(&mut target, &at, b"row").await.unwrap();
+            let mut bytes = [0; 8];
+            let received = timeout(Duration::from_secs(5), heard.recv(&mut bytes)).await;
+            assert_eq!(&bytes[..received.expect("a datagram").unwrap()], b"row", "{at}");
+        }
+        let status = Arc::new(Status::new());
+        let output = status.add_output("udp://[::1]:0");
+        let (sender, receiver) = broadcast::channel(4);
+        for _ in 0..2 {
+            let _ = sender.send(Message { bytes: b"row"[..].into(), expires: None });
+        }
+        drop(sender);
+        send_datagrams("[::1]:0", receiver, &status, &output.way).await;
+        assert_eq!(status.unsent.load(Relaxed), 2);
+        let told = status.troubles().join("\n");
+        assert!(told.contains("output udp://[::1]:0 cannot be sent to"), "{told}");
     }
 }

@@ -20,7 +20,7 @@ use tokio::task::JoinHandle;
 
 use crate::address::Address;
 use crate::decoder::{Pace, Permits};
-use crate::estimator::{Antenna, Estimator, StationEpochs};
+use crate::estimator::{Antenna, EXPIRES, Estimator, StationEpochs};
 use crate::imu::{Carrier, Imu};
 use crate::input::{Event, Input, Running, STATION, Shared};
 use crate::lines::Lines;
@@ -330,6 +330,17 @@ async fn serve(
     *status.streams.lock().unwrap_or_else(PoisonError::into_inner) =
         inputs.statuses.iter().cloned().chain(station).chain(imu_status).chain(peers).collect();
 
+    if let Deadline::Seconds(wait_s) = setup.deadline
+        && !(setup.once || setup.outputs.is_empty())
+        && wait_s >= EXPIRES.as_secs_f64()
+    {
+        tracing::warn!(
+            "live.deadline_ms is {:.0}: a row that waits so long for a late or silent antenna leaves by no output, \
+             which send nothing after {} ms",
+            1e3 * wait_s,
+            EXPIRES.as_millis()
+        );
+    }
     let is_unpaced = is_unpaced(&setup.inputs);
     let mut with_antennas = setup.inputs.iter().filter(|input| input.lines.is_none());
     let all_unpaced = with_antennas.all(|input| input.address.is_unpaced_file());

@@ -14,6 +14,7 @@ use kurs::time::GpsTime;
 
 use crate::band_level::BandLevel;
 use crate::peer::RelativeRow;
+use crate::trouble::Trouble;
 
 /// A stream is silent after this many of its intervals without an epoch …
 const SILENT_INTERVALS: f64 = 3.0;
@@ -418,9 +419,19 @@ fn label(name: &str) -> String {
     name.replace('\\', "\\\\").replace('"', "\\\"")
 }
 
+/// One output.
+#[derive(Debug)]
+pub(crate) struct OutputStatus {
+    /// Of the way to its readers.
+    pub(crate) way: Trouble,
+    /// Of the age of its messages.
+    pub(crate) age: Trouble,
+}
+
 /// Everything together.
 #[derive(Debug)]
 pub(crate) struct Status {
+    outputs: Mutex<Vec<Arc<OutputStatus>>>,
     pub(crate) streams: Mutex<Vec<Arc<StreamStatus>>>,
     rows: [AtomicU64; RowStatus::ALL.len()],
     satellites: AtomicU64,
@@ -431,6 +442,8 @@ pub(crate) struct Status {
     pub(crate) first_to_out: Histogram,
     /// Messages that no output got because they were too old.
     pub(crate) expired: AtomicU64,
+    /// Datagrams that the system could not send.
+    pub(crate) unsent: AtomicU64,
     /// Rows that a file could not take.
     pub(crate) unwritten: AtomicU64,
     pub(crate) clients: AtomicU64,
@@ -446,6 +459,7 @@ pub(crate) struct Status {
 impl Status {
     pub(crate) fn new() -> Self {
         Self {
+            outputs: Mutex::default(),
             streams: Mutex::new(Vec::new()),
             rows: Default::default(),
             satellites: AtomicU64::new(0),
@@ -454,6 +468,7 @@ impl Status {
             in_to_out: Histogram::default(),
             first_to_out: Histogram::default(),
             expired: AtomicU64::new(0),
+            unsent: AtomicU64::new(0),
             unwritten: AtomicU64::new(0),
             clients: AtomicU64::new(0),
             clients_dropped: AtomicU64::new(0),
@@ -461,6 +476,14 @@ impl Status {
             station_age_s: AtomicU64::new(f64::NAN.to_bits()),
             relative: Mutex::default(),
         }
+    }
+
+    /// Another output, at this address.
+    pub(crate) fn add_output(&self, address: &str) -> Arc<OutputStatus> {
+        let trouble = || Trouble::new(format!("output {address}"));
+        let output = Arc::new(OutputStatus { way: trouble(), age: trouble() });
+        self.outputs.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::clone(&output));
+        output
     }
 
     pub(crate) fn note_relative(&self, rows: Vec<RelativeRow>) {
@@ -520,6 +543,10 @@ impl Status {
         if self.row_age_s() > limit_s {
             troubles.push(format!("no row for {:.1} s", self.row_age_s()));
         }
+        let outputs = self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
+        troubles.extend(
+            outputs.iter().flat_map(|output| [&output.way, &output.age]).filter_map(Trouble::text),
+        );
         troubles
     }
 
@@ -533,7 +560,7 @@ impl Status {
         for (status, count) in self.row_counts() {
             let _ = writeln!(text, "kurs_rows_total{{status=\"{status}\"}} {count}");
         }
-        let single: [(&str, &str, &str, f64); 7] = [
+        let single: [(&str, &str, &str, f64); 8] = [
             (
                 "kurs_satellites",
                 "gauge",
@@ -558,6 +585,12 @@ impl Status {
                 "counter",
                 "Messages older than 300 ms, not sent.",
                 self.expired.load(Relaxed) as f64,
+            ),
+            (
+                "kurs_messages_unsent_total",
+                "counter",
+                "Datagrams that the system could not send.",
+                self.unsent.load(Relaxed) as f64,
             ),
             (
                 "kurs_rows_unwritten_total",

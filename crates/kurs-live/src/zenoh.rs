@@ -21,6 +21,7 @@ use crate::bus::{self, Subscription};
 use crate::connection::CONNECT_TIMEOUT;
 use crate::output::Message;
 use crate::status::Status;
+use crate::trouble::Trouble;
 
 /// A router that says nothing for so long, though it should, is gone, ms.
 const LEASE_MS: u64 = 5000;
@@ -65,19 +66,21 @@ pub(crate) async fn publish(
     ros: Option<ros::bus::Publisher>,
     receiver: broadcast::Receiver<Message>,
     status: Arc<Status>,
+    way: &Trouble,
 ) {
     let mut back_off = BackOff::of_own();
     while !receiver.is_closed() {
         match open(key).await {
             Ok(session) => {
                 back_off.reset();
+                way.end();
                 let outcome = publish_in(&session, key, ros, receiver.resubscribe(), &status).await;
                 // One that is broken has nothing to say.
                 let _ = timeout(CONNECT_TIMEOUT, session.close()).await;
                 let Err(error) = outcome else { return };
-                tracing::warn!("output {key} broke: {error}");
+                way.note(&format!("broke: {error}"));
             }
-            Err(error) => tracing::warn!("output {key} cannot be opened: {error}"),
+            Err(error) => way.note(&format!("cannot be opened: {error}")),
         }
         sleep(back_off.next()).await;
     }
@@ -213,7 +216,10 @@ mod tests {
         let status = Arc::new(Status::new());
         let publishing = {
             let (key, status) = (key.clone(), Arc::clone(&status));
-            tokio::spawn(async move { publish(&key, None, receiver, status).await })
+            tokio::spawn(async move {
+                let way = Trouble::new("output".into());
+                publish(&key, None, receiver, status, &way).await;
+            })
         };
         let mut subscription = subscribe(&key).await.unwrap();
         heard(&mut subscription, &sender, "{\"heading_deg\":1}\n").await;
