@@ -69,7 +69,9 @@ impl Access {
     fn check_token(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let Some(token) = &self.token else { return Err(Refusal::NoToken) };
         let shown = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
-        match shown.and_then(|value| value.strip_prefix("Bearer ")) {
+        // RFC 9110, section 11.1: the word for the scheme is the same in capitals.
+        let shown = shown.and_then(|value| value.split_once(' '));
+        match shown.filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer")).map(|(_, of)| of) {
             Some(shown) if is_same(shown, token) => Ok(()),
             // Guessing is slow; whoever has the token is not held up by it.
             Some(_) if !self.changes.take() => Err(Refusal::TooMany),
@@ -290,6 +292,12 @@ mod tests {
             }
             assert_eq!(access.check_reading(&show(TOKEN)), Ok(()));
             assert_eq!(access.check_changing(&show(TOKEN)), Ok(()));
+            for (scheme, outcome) in
+                [("bearer", Ok(())), ("BEARER", Ok(())), ("Basic", Err(Refusal::Token))]
+            {
+                let shown = headers(&[(header::AUTHORIZATION, &format!("{scheme} {TOKEN}"))]);
+                assert_eq!(access.check_changing(&shown), outcome, "{scheme}");
+            }
         }
     }
 

@@ -35,6 +35,22 @@ fn a_page_for_others_wants_a_token() {
     drop(service);
 }
 
+/// Without a token: nothing is asked for what is not there.
+#[test]
+fn a_page_at_the_loopback_says_that_something_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = free_port();
+    let live = format!("[live]\npage = \"127.0.0.1:{page}\"\n");
+    let stream = "stream = \"tcp://127.0.0.1:1\"";
+    let service =
+        Service::start(folder.path(), &configuration([stream, stream], &live), &["--quiet"]);
+    wait_for("the page", || TcpStream::connect(("127.0.0.1", page)).ok());
+    assert_eq!(get(page, "/nix").0, 404);
+    assert_eq!(get(page, "/metrics").0, 200);
+    assert_eq!(request(page, "POST /api/mark", "", ""), "403", "changes need a token");
+    drop(service);
+}
+
 /// The feed of a page: names and contents of its messages.
 fn feed(port: u16) -> impl Iterator<Item = (String, serde_json::Value)> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();

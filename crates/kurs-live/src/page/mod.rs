@@ -229,12 +229,12 @@ fn router(hub: &Arc<Hub>) -> Router {
         .route("/feed", get(feed::feed))
         .route("/healthz", get(health))
         .route("/metrics", get(metrics))
-        .layer(from_fn_with_state(Arc::clone(access), access::reading));
+        .route_layer(from_fn_with_state(Arc::clone(access), access::reading));
     let changing = Router::new()
         .route("/api/mark", post(commands::mark))
         .route("/api/streams/{name}/restart", post(commands::restart))
         .route("/api/streams/{name}/log", get(commands::raw_log))
-        .layer(from_fn_with_state(Arc::clone(access), access::changing));
+        .route_layer(from_fn_with_state(Arc::clone(access), access::changing));
     files
         .merge(reading)
         .merge(changing)
