@@ -185,7 +185,8 @@ async fn serve(
                 let (receiver, status) = (sender.subscribe(), Arc::clone(&status));
                 let partner = partner.clone();
                 tokio::spawn(async move {
-                    if let Ended::Broken(what) = talk(stream, receiver, partner, &status).await {
+                    let talked = talk(stream, receiver, partner, &status, AtEnd::GoOn).await;
+                    if let Ended::Broken(what) = talked {
                         status.clients_dropped.fetch_add(1, Relaxed);
                         tracing::info!(%peer, "client dropped: {what}");
                     }
@@ -215,22 +216,38 @@ enum Ended {
     Broken(String),
 }
 
+/// What the end of what the other one says means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum AtEnd {
+    /// It is gone: the connection is made again.
+    Close,
+    /// It may have nothing more to say and still listen (`nc HOST PORT </dev/null`): one that is gone is noticed when
+    /// writing fails.
+    GoOn,
+}
+
 /// Sends what comes, and answers, until the other end closes or that fails.
 async fn talk(
     stream: impl AsyncRead + AsyncWrite,
     mut receiver: broadcast::Receiver<Message>,
     Partner { greeting, mut conversation, .. }: Partner,
     status: &Status,
+    at_end: AtEnd,
 ) -> Ended {
     let (mut reading, mut writing) = tokio::io::split(stream);
     let mut heard = [0; 1024];
     if let Err(what) = write(&mut writing, &greeting).await {
         return Ended::Broken(what);
     }
+    let mut listens = true;
     loop {
-        // A client that closes is noticed at once, one that does not read by the time.
+        // A connection that breaks is noticed at once, one that does not read by the time.
         let written = tokio::select! {
-            read = reading.read(&mut heard) => match (read, &mut conversation) {
+            read = reading.read(&mut heard), if listens => match (read, &mut conversation) {
+                (Ok(0), _) if at_end == AtEnd::GoOn => {
+                    listens = false;
+                    Ok(())
+                }
                 (Ok(0) | Err(_), _) => return Ended::Closed,
                 (Ok(_), None) => Ok(()),
                 (Ok(count), Some(conversation)) => {
@@ -285,7 +302,9 @@ async fn send_for_ever<S: AsyncRead + AsyncWrite, F: Future<Output = std::io::Re
             Ok(stream) => {
                 back_off.reset();
                 way.end();
-                let outcome = talk(stream, receiver.resubscribe(), partner.clone(), status).await;
+                let talked =
+                    talk(stream, receiver.resubscribe(), partner.clone(), status, AtEnd::Close);
+                let outcome = talked.await;
                 if receiver.is_closed() {
                     return;
                 }
@@ -381,6 +400,36 @@ mod tests {
         assert_eq!(due, [0, 2, 4, 6, 8, 10, 19, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38]);
         sink.rate_hz = None;
         assert!(sink.is_due(begin) && sink.is_due(begin));
+    }
+
+    /// A client that says nothing more still gets what comes, until it is gone.
+    #[tokio::test]
+    async fn a_client_that_has_nothing_to_say_goes_on_reading() {
+        let listener = listen("127.0.0.1:0").await.unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+        let (stream, _) = listener.accept().await.unwrap();
+        let (sender, receiver) = broadcast::channel(4);
+        let status = Arc::new(Status::new());
+        let talking = {
+            let status = Arc::clone(&status);
+            tokio::spawn(async move {
+                talk(stream, receiver, Partner::default(), &status, AtEnd::GoOn).await
+            })
+        };
+        client.shutdown().await.unwrap();
+        let row = || Message { bytes: b"row"[..].into(), expires: None };
+        for _ in 0..3 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            sender.send(row()).unwrap();
+            let mut bytes = [0; 3];
+            client.read_exact(&mut bytes).await.unwrap();
+            assert_eq!(&bytes, b"row");
+        }
+        drop(client);
+        while sender.send(row()).is_ok() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        assert!(matches!(talking.await.unwrap(), Ended::Broken(_) | Ended::Closed));
     }
 
     /// To IPv6 and to a whole network (that of the loopback); what the system refuses is counted and told.
