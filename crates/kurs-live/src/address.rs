@@ -99,6 +99,18 @@ pub struct Place {
     pub user: Option<(String, String)>,
 }
 
+impl Place {
+    /// `HOST:PORT`, the host in brackets where it has colons of its own.
+    pub(crate) fn authority(&self) -> String {
+        format!("{}:{}", self.bracketed(), self.port)
+    }
+
+    fn bracketed(&self) -> String {
+        let host = &self.host;
+        if host.contains(':') { format!("[{host}]") } else { host.clone() }
+    }
+}
+
 /// What is wrong with an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{address:?}: {what}")]
@@ -118,9 +130,9 @@ impl fmt::Debug for Ntrip {
 
 impl fmt::Display for Ntrip {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { place: Place { host, port, .. }, mount, tls } = self;
+        let Self { place, mount, tls } = self;
         let scheme = if *tls { "ntrips" } else { "ntrip" };
-        write!(f, "{scheme}://{host}:{port}/{mount}")
+        write!(f, "{scheme}://{}/{mount}", place.authority())
     }
 }
 
@@ -133,8 +145,8 @@ impl fmt::Debug for Mqtt {
 
 impl fmt::Display for Mqtt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { place: Place { host, port, .. }, topic } = self;
-        write!(f, "mqtt://{host}:{port}/{topic}")
+        let Self { place, topic } = self;
+        write!(f, "mqtt://{}/{topic}", place.authority())
     }
 }
 
@@ -277,13 +289,15 @@ fn mqtt(text: &str) -> Result<Mqtt, String> {
 }
 
 fn zenoh(text: &str) -> Result<Zenoh, String> {
-    let (Place { host, port, user }, key) = place_and_name(text, ZENOH_PORT, "KEY")?;
-    if user.is_some() {
+    let (place, key) = place_and_name(text, ZENOH_PORT, "KEY")?;
+    if place.user.is_some() {
         return Err("Zenoh is used without names and passwords, expected HOST[:PORT]/KEY".into());
     }
     if key.contains(['*', '$', '?', '#']) || key.split('/').any(str::is_empty) {
         return Err("a key has neither `*`, `$`, `?`, `#` nor an empty part".into());
     }
+    // Zenoh has addresses of IPv6 in brackets, too.
+    let (host, port) = (place.bracketed(), place.port);
     Ok(Zenoh { host, port, key })
 }
 
@@ -299,11 +313,18 @@ fn place_and_name(text: &str, default_port: u16, what: &str) -> Result<(Place, S
         let (name, password) = user.split_once(':').unwrap_or((user, ""));
         (unescaped(name), unescaped(password))
     });
-    let (host, port) = match place.rsplit_once(':') {
+    // An address of IPv6 has colons of its own and stands in brackets.
+    let (host, port) = match place.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
         Some((host, port)) => {
-            (host, port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?)
+            (host, port.strip_prefix(':').map_or((!port.is_empty()).then_some(port), Some))
         }
-        None => (place, default_port),
+        None => place.rsplit_once(':').map_or((place, None), |(host, port)| (host, Some(port))),
+    };
+    let port = match port {
+        Some(port) => {
+            port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?
+        }
+        None => default_port,
     };
     let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_graphic());
     if host.is_empty() || name.is_empty() || !is_plain(host) || !is_plain(name) {
@@ -384,6 +405,13 @@ mod tests {
             _ => panic!("a caster"),
         });
         assert_eq!(ports, [(2101, false, None), (443, true, None)]);
+        let of_six =
+            ["ntrip://me:p@[::1]:7210/M", "ntrip://[fe80::1]/M"].map(|text| match read(text) {
+                Address::Ntrip(caster) => (caster.place.host.clone(), caster.to_string()),
+                _ => panic!("a caster"),
+            });
+        let wanted = [("::1", "ntrip://[::1]:7210/M"), ("fe80::1", "ntrip://[fe80::1]:2101/M")];
+        assert_eq!(of_six, wanted.map(|(host, text)| (host.to_owned(), text.to_owned())));
         let error = "ntrip://me:secret@h:x/M".parse::<Address>().unwrap_err().to_string();
         assert!(!error.contains("secret") && error.contains("me:…@h"), "{error}");
     }
@@ -452,6 +480,8 @@ mod tests {
             ("ntrip://h", "MOUNT"),
             ("ntrip://h/", "MOUNT"),
             ("ntrip://u@/M", "MOUNT"),
+            ("ntrip://[]/M", "MOUNT"),
+            ("ntrip://[::1]7210x/M", "7210x"),
             ("ntrip://h/M\r\nX: y", "MOUNT"),
         ] {
             let error = text.parse::<Address>().unwrap_err().to_string();

@@ -87,12 +87,13 @@ async fn encrypted(
 }
 
 fn request(caster: &Ntrip, version: u8, gga: Option<&str>) -> String {
-    let Ntrip { place: Place { host, port, user }, mount, .. } = caster;
+    let Ntrip { place, mount, .. } = caster;
+    let (authority, user) = (place.authority(), &place.user);
     let agent = concat!("NTRIP Kurs/", env!("CARGO_PKG_VERSION"));
     let mut text = match version {
         1 => format!("GET /{mount} HTTP/1.0\r\nUser-Agent: {agent}\r\n"),
         _ => format!(
-            "GET /{mount} HTTP/1.1\r\nHost: {host}:{port}\r\nNtrip-Version: Ntrip/2.0\r\n\
+            "GET /{mount} HTTP/1.1\r\nHost: {authority}\r\nNtrip-Version: Ntrip/2.0\r\n\
              User-Agent: {agent}\r\nConnection: close\r\n"
         ),
     };
