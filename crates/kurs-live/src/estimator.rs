@@ -44,6 +44,8 @@ pub(crate) struct Estimator {
     pub(crate) matcher: Matcher,
     /// Complete, but for the station's epoch.
     pub(crate) complete: VecDeque<ArrayEpoch>,
+    /// The newest epoch of any antenna, and when it was there.
+    pub(crate) newest: Option<(GpsTime, Instant)>,
     pub(crate) received: AsReceived,
     pub(crate) antennas: Vec<Antenna>,
     pub(crate) station: StationEpochs,
@@ -170,8 +172,26 @@ impl Estimator {
         let of = &mut self.antennas[antenna];
         of.out += 1;
         of.arrivals.push_back((epoch.time, arrival));
+        let (time, late) = (epoch.time, self.matcher.late(antenna));
         let complete = self.matcher.push(antenna, epoch, self.now_s());
+        self.note_lateness(antenna, time, self.matcher.late(antenna) > late);
         complete.into_iter().for_each(|epoch| self.complete(epoch));
+    }
+
+    /// An epoch is late by what it is older than the newest one, and by the time that has passed since that.
+    fn note_lateness(&mut self, antenna: usize, time: GpsTime, is_late: bool) {
+        /// Of what was newest before that, nothing may be left, as behind a clock that was set back.
+        const FORGOTTEN: Duration = Duration::from_secs(5);
+        let late_s = self
+            .newest
+            .filter(|_| is_late)
+            .map(|(newest, at)| ((newest - time) + at.elapsed().as_secs_f64()).max(0.0));
+        self.antennas[antenna].status.note_lateness(late_s);
+        let is_newest =
+            self.newest.is_none_or(|(newest, at)| time > newest || at.elapsed() > FORGOTTEN);
+        if is_newest && !is_late {
+            self.newest = Some((time, Instant::now()));
+        }
     }
 
     fn complete(&mut self, epoch: ArrayEpoch) {

@@ -118,26 +118,44 @@ pub(crate) struct Running {
     shared: Shared,
     recorder: Option<Recorder>,
     ntrip_version: u8,
+    /// Something came over it.
+    has_worked: bool,
     /// The date that ephemerides of an earlier connection told, against the one in force.
     told_date: Arc<Mutex<Option<GpsTime>>>,
 }
 
-/// Whether epochs come.
+/// Whether bytes come, and epochs.
 struct Progress {
     epochs: u64,
     since: Instant,
+    last_bytes: Instant,
 }
 
 impl Progress {
     fn new(epochs: u64) -> Self {
-        Self { epochs, since: Instant::now() }
+        let now = Instant::now();
+        Self { epochs, since: now, last_bytes: now }
     }
 
-    fn is_stuck(&mut self, epochs: u64, now: Instant) -> bool {
+    fn note_bytes(&mut self, now: Instant) {
+        self.last_bytes = now;
+    }
+
+    /// When the connection is taken for dead, unless bytes come.
+    fn silent_at(&self) -> Instant {
+        self.last_bytes + DATA_TIMEOUT
+    }
+
+    /// What is wrong, in words.
+    fn trouble(&mut self, epochs: u64, now: Instant) -> Option<String> {
         if epochs != self.epochs {
-            *self = Self { epochs, since: now };
+            (self.epochs, self.since) = (epochs, now);
         }
-        now - self.since > EPOCH_TIMEOUT
+        if now >= self.silent_at() {
+            return Some(format!("nothing came for {} s", DATA_TIMEOUT.as_secs()));
+        }
+        let is_stuck = now - self.since > EPOCH_TIMEOUT;
+        is_stuck.then(|| format!("bytes come, but no epoch for {} s", EPOCH_TIMEOUT.as_secs()))
     }
 }
 
@@ -168,6 +186,7 @@ impl Running {
             shared,
             recorder,
             ntrip_version: 2,
+            has_worked: false,
             told_date: Arc::default(),
         }
     }
@@ -210,7 +229,13 @@ impl Running {
                         return;
                     }
                 }
-                End::Final(what) => return self.note(&what),
+                // What has worked may work again: a mount point is absent while its receiver is.
+                End::Final(what) if self.has_worked => {
+                    self.note(&format!("{what}; it has worked before and is asked again"));
+                }
+                End::Final(what) => {
+                    return self.note(&format!("{what}; it is not asked again before a restart"));
+                }
             }
             if was_open && began.elapsed() > GOOD_AFTER {
                 back_off.reset();
@@ -262,7 +287,8 @@ impl Running {
     }
 
     async fn open(&mut self) -> Result<Connection, End> {
-        let broken = |error: io::Error| End::Broken(format!("{error}"));
+        let address = &self.input.address;
+        let broken = |error: io::Error| End::Broken(format!("{address}: {error}"));
         match &self.input.address {
             Address::Tcp { to } => Connection::tcp(to).await.map_err(broken),
             Address::Serial { path, baud } => Connection::serial(path, *baud).map_err(broken),
@@ -328,13 +354,13 @@ impl Running {
         let wants_gga = matches!(self.input.address, Address::Ntrip(_));
         let mut progress = Progress::new(self.epochs());
         loop {
-            if waits && progress.is_stuck(self.epochs(), Instant::now()) {
-                let seconds = EPOCH_TIMEOUT.as_secs();
-                return End::Broken(format!("bytes come, but no epoch for {seconds} s"));
+            if waits && let Some(what) = progress.trouble(self.epochs(), Instant::now()) {
+                return End::Broken(what);
             }
+            let silent_at = progress.silent_at();
             let silence = async {
                 if waits {
-                    tokio::time::sleep(DATA_TIMEOUT).await
+                    tokio::time::sleep_until(silent_at.into()).await
                 } else {
                     core::future::pending().await
                 }
@@ -356,9 +382,7 @@ impl Running {
                     Ok((stream, _)) => return End::Replaced(stream),
                     Err(_) => continue,
                 },
-                () = silence => {
-                    return End::Broken(format!("nothing came for {} s", DATA_TIMEOUT.as_secs()));
-                }
+                () = silence => continue,
                 _ = gga_due.tick(), if wants_gga => {
                     let gga = self.shared.gga.borrow().clone();
                     if let Some(gga) = gga
@@ -371,6 +395,8 @@ impl Running {
             };
             let (arrived, utc) = (Instant::now(), SystemTime::now());
             let chunk = Chunk { bytes: Arc::from(&buffer[..count]), arrived, utc };
+            self.has_worked = true;
+            progress.note_bytes(arrived);
             self.statuses.iter().for_each(|status| status.note_bytes(count));
             if let Some(recorder) = &mut self.recorder
                 && let Err(error) = recorder.write(&chunk)
@@ -513,9 +539,27 @@ mod tests {
     fn bytes_without_epochs_are_noticed() {
         let mut progress = Progress::new(3);
         let began = progress.since;
-        assert!(!progress.is_stuck(3, began + EPOCH_TIMEOUT));
-        assert!(!progress.is_stuck(4, began + 2 * EPOCH_TIMEOUT));
-        assert!(!progress.is_stuck(4, began + 3 * EPOCH_TIMEOUT));
-        assert!(progress.is_stuck(4, began + 3 * EPOCH_TIMEOUT + Duration::from_millis(1)));
+        let mut trouble = |epochs: u64, now: Instant| {
+            progress.note_bytes(now);
+            progress.trouble(epochs, now)
+        };
+        assert_eq!(trouble(3, began + EPOCH_TIMEOUT), None);
+        assert_eq!(trouble(4, began + 2 * EPOCH_TIMEOUT), None);
+        assert_eq!(trouble(4, began + 3 * EPOCH_TIMEOUT), None);
+        let told = trouble(4, began + 3 * EPOCH_TIMEOUT + Duration::from_millis(1));
+        assert_eq!(told.unwrap(), "bytes come, but no epoch for 30 s");
+    }
+
+    /// However often something else is to be done meanwhile.
+    #[test]
+    fn a_connection_that_says_nothing_is_silent_after_its_time() {
+        let mut progress = Progress::new(0);
+        let began = progress.last_bytes;
+        for seconds in [10, 20, 29] {
+            assert_eq!(progress.trouble(0, began + Duration::from_secs(seconds)), None);
+        }
+        assert_eq!(progress.silent_at(), began + DATA_TIMEOUT);
+        let told = progress.trouble(0, began + DATA_TIMEOUT);
+        assert_eq!(told.unwrap(), "nothing came for 30 s");
     }
 }

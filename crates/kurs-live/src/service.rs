@@ -366,6 +366,7 @@ async fn serve(
             false => Matcher::new(setup.antennas).with_deadline(setup.deadline),
         },
         complete: VecDeque::new(),
+        newest: None,
         received: AsReceived::new(setup.antennas),
         antennas: antennas(&inputs),
         station: StationEpochs::new(

@@ -32,6 +32,8 @@ const BITS_A_BYTE: f64 = 10.0;
 const LOAD_WINDOW_S: f64 = 10.0;
 /// A line that carries more than this has no room for a longer epoch.
 const HIGH_LOAD: f64 = 0.9;
+/// An antenna is late when so many of its epochs in a row miss their rows: single ones are hiccups of a network.
+const LATE_IN_A_ROW: u32 = 5;
 /// A stream that is older by the system's clock is a recording, or the clock is wrong, s.
 const MAX_AGE_S: f64 = 1000.0;
 
@@ -200,11 +202,36 @@ pub(crate) struct StreamStatus {
     /// From the measurement of the last epoch to its last byte, by the system's clock, ns.
     age_ns: AtomicI64,
     last_error: Mutex<String>,
+    /// The same, as it is told in the log.
+    errors_told: Trouble,
+    lateness: Mutex<Lateness>,
+}
+
+/// Epochs that miss the deadline one after the other.
+#[derive(Debug, Default)]
+struct Lateness {
+    in_a_row: u32,
+    /// How much later than those of the others the last one came.
+    late_s: f64,
+}
+
+impl Lateness {
+    /// What is wrong, in words.
+    fn text(&self) -> Option<String> {
+        let Self { in_a_row, late_s } = self;
+        (*in_a_row >= LATE_IN_A_ROW).then(|| {
+            format!(
+                "is late by {late_s:.1} s: its epochs miss `deadline_ms`, and rows go without it"
+            )
+        })
+    }
 }
 
 impl StreamStatus {
     pub(crate) fn new(name: String, baud: Option<u32>) -> Self {
         Self {
+            errors_told: Trouble::new(format!("stream {name}:")),
+            lateness: Mutex::default(),
             name,
             brings: Brings::Epochs,
             baud: baud.map_or(0, u64::from),
@@ -261,6 +288,7 @@ impl StreamStatus {
     /// A line with this time came.
     pub(crate) fn note_line(&self, time: Option<GpsTime>) {
         self.epochs.fetch_add(1, Relaxed);
+        self.errors_told.end();
         self.last_ms.store(self.now_ms(), Relaxed);
         time.into_iter().for_each(|time| self.note_time(time));
     }
@@ -365,8 +393,23 @@ impl StreamStatus {
     /// An error that ended a connection or kept one from being made.
     pub(crate) fn note_error(&self, what: &str) {
         self.errors.fetch_add(1, Relaxed);
-        tracing::warn!(stream = self.name, "{what}");
+        self.errors_told.note(what);
         what.clone_into(&mut self.last_error.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// An epoch came so much later than those of the others that it missed its row, or in time (`None`).
+    pub(crate) fn note_lateness(&self, late_s: Option<f64>) {
+        let mut lateness = self.lateness.lock().unwrap_or_else(PoisonError::into_inner);
+        let was_told = lateness.in_a_row >= LATE_IN_A_ROW;
+        *lateness = Lateness {
+            in_a_row: late_s.map_or(0, |_| lateness.in_a_row.saturating_add(1)),
+            late_s: late_s.unwrap_or_default(),
+        };
+        match (was_told, lateness.text()) {
+            (false, Some(text)) => tracing::warn!(stream = self.name, "{} {text}", self.name),
+            (true, None) => tracing::info!(stream = self.name, "{} is in time again", self.name),
+            _ => {}
+        }
     }
 
     pub(crate) fn note_connection(&self, connected: bool) {
@@ -386,8 +429,10 @@ impl StreamStatus {
 
     /// Why the stream does not bring what it should, in words; `None` if it does.
     pub(crate) fn trouble(&self) -> Option<String> {
+        let error = self.last_error.lock().unwrap_or_else(PoisonError::into_inner);
         if self.ended.load(Relaxed) {
-            return Some("has ended".into());
+            let why = if error.is_empty() { String::new() } else { format!(": {error}") };
+            return Some(format!("has ended{why}"));
         }
         let last_ms = self.last_ms.load(Relaxed);
         let silent_s = (self.now_ms() - last_ms.max(0)) as f64 * 1e-3;
@@ -397,9 +442,8 @@ impl StreamStatus {
             false => UNKNOWN_SILENT_S,
         };
         if silent_s <= limit_s {
-            return None;
+            return self.lateness.lock().unwrap_or_else(PoisonError::into_inner).text();
         }
-        let error = self.last_error.lock().unwrap_or_else(PoisonError::into_inner);
         Some(match (self.connected.load(Relaxed), error.is_empty()) {
             (false, false) => format!("is not connected: {error}"),
             (false, true) => "is not connected".into(),
@@ -763,6 +807,23 @@ mod tests {
         assert!(going.trouble().unwrap().starts_with("is connected, but no epoch came for 2."));
         going.note_end();
         assert_eq!(going.trouble().unwrap(), "has ended");
+    }
+
+    /// Single late epochs are nothing; a stretch of them is named with how late they are, until one is in time.
+    #[test]
+    fn an_antenna_that_is_always_late_is_named() {
+        let status = StreamStatus::new("A1".into(), None);
+        status.note_connection(true);
+        for _ in 0..10 {
+            (0..4).for_each(|_| status.note_lateness(Some(2.0)));
+            status.note_lateness(None);
+        }
+        assert_eq!(status.trouble(), None);
+        (0..5).for_each(|_| status.note_lateness(Some(2.04)));
+        let told = status.trouble().unwrap();
+        assert!(told.starts_with("is late by 2.0 s: its epochs miss"), "{told}");
+        status.note_lateness(None);
+        assert_eq!(status.trouble(), None);
     }
 
     /// 2400 bytes a second are 24 000 bits of 38 400.

@@ -1,8 +1,8 @@
 //! NTRIP casters: both versions, passwords, stalls, TLS.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Write};
-use std::net::TcpListener;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -65,9 +65,43 @@ fn a_refused_password_is_final_and_named() {
     let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("the caster refuses the password of me"), "{said}");
+    let why = "the caster refuses the password of me; it is not asked again before a restart";
+    assert!(said.contains(why), "{said}");
     assert!(!said.contains("secret"), "{said}");
     assert_eq!(rows(&folder.path().join("live"))[0].lines().count(), EPOCHS + 1);
+}
+
+/// A mount point that has worked is absent for a moment, and the caster answers with its table: it is asked again.
+#[test]
+fn a_mount_point_that_was_there_is_asked_for_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    thread::spawn(move || {
+        let bytes = log(0, "ubx");
+        let middle = bytes.len() / 2;
+        let table = "SOURCETABLE 200 OK\r\nContent-Type: text/plain\r\n\r\nENDSOURCETABLE\r\n";
+        for (answer, body) in [
+            ("ICY 200 OK\r\n\r\n", &bytes[..middle]),
+            (table, &[][..]),
+            ("ICY 200 OK\r\n\r\n", &bytes[middle..]),
+        ] {
+            let (mut stream, _) = listener.accept().unwrap();
+            let _ = stream.write_all(answer.as_bytes());
+            let _ = stream.write_all(body);
+            // Closed with something unread it would take back what was sent.
+            let _ = stream.shutdown(Shutdown::Write);
+            let _ = stream.read_to_end(&mut Vec::new());
+        }
+    });
+    let streams = [
+        format!("stream = \"ntrip://127.0.0.1:{port}/M\""),
+        "stream = \"tcp://127.0.0.1:1\"".to_owned(),
+    ];
+    let service =
+        Service::start(folder.path(), &configuration([&streams[0], &streams[1]], ""), &[]);
+    service.wait_for_words("no such mount point; it has worked before and is asked again");
+    wait_for("the rest", || (statuses(&service.out).len() > EPOCHS * 3 / 4).then_some(()));
 }
 
 /// First it says nothing, then nonsense, then that it is busy; in the end there is a stream.

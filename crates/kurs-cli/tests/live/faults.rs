@@ -347,6 +347,29 @@ fn what_is_older_than_300_ms_does_not_leave() {
     messages.check(40.0);
 }
 
+/// One antenna is always half a second late where rows wait a tenth: it is named, by how much, until it comes in time.
+#[test]
+fn an_antenna_that_is_always_late_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let receivers = Receivers::start(folder.path(), "ubx", 0.2, "1");
+    let lines = Lines::new(&receivers, 2);
+    let page = free_port();
+    let more = format!("[live]\ndeadline_ms = 100\npage = \"127.0.0.1:{page}\"\n");
+    let text = configuration([&lines.stream(0), &lines.stream(1)], &more);
+    let service = Service::start(folder.path(), &text, &[]);
+    let is_well = || (get(page, "/healthz").0 == 200).then_some(());
+    wait_for("rows", || (statuses(&service.out).len() > 5).then_some(()));
+    wait_for("good health", is_well);
+    lines.state.lock().unwrap()[1].delay = Duration::from_millis(500);
+    wait_for("the late one in /healthz", || {
+        get(page, "/healthz").1.contains("A1 is late by 0.").then_some(())
+    });
+    service.wait_for_words("A1 is late by 0.");
+    lines.state.lock().unwrap()[1].delay = Duration::ZERO;
+    service.wait_for_words("A1 is in time again");
+    wait_for("good health", is_well);
+}
+
 /// The disk takes no more than forty kilobytes of any file for a while: messages leave all the same, and
 /// when there is room again the files go on with whole rows.
 #[test]

@@ -141,8 +141,15 @@ impl Service {
         let out = folder.join("live");
         let mut command = kurs();
         command.arg("live").arg(&file).args(flags).arg("--out").arg(&out);
-        let child = command.stdout(Stdio::null()).spawn().unwrap();
+        let said = fs::File::create(folder.join("said.txt")).unwrap();
+        let child = command.stdout(Stdio::null()).stderr(said).spawn().unwrap();
         Self { child, out }
+    }
+
+    /// Waits until its log has this.
+    pub(crate) fn wait_for_words(&self, words: &str) {
+        let log = self.out.with_file_name("said.txt");
+        wait_for(words, || fs::read_to_string(&log).unwrap().contains(words).then_some(()));
     }
 
     /// Waits for its end.
