@@ -118,6 +118,8 @@ pub struct Reloaded {
     pub antennas: usize,
     /// Makes the engine.
     pub make_engine: MakeEngine,
+    /// Keys that have changed and wait for a restart.
+    pub not_taken_over: Vec<String>,
 }
 
 /// A new engine for the old one's place.
@@ -412,6 +414,9 @@ async fn serve(
                     );
                 }
                 Ok(new) => {
+                    if !new.not_taken_over.is_empty() {
+                        tracing::warn!("changed, but only by a restart: {}", new.not_taken_over.join(", "));
+                    }
                     inputs.change(new.inputs);
                     let make = NewEngine { make: new.make_engine };
                     let _ = events.send(Event::Reload(Box::new(make)));

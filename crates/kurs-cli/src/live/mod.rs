@@ -74,8 +74,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let tables = DayTables::new(&args.out, &loaded);
     let setup = setup::setup(&loaded, tables, Arc::clone(&summary), args.once)?;
     let reload = || {
-        let loaded = args.load().map_err(|error| error.to_string())?;
-        setup::reloaded(&loaded).map_err(|error| error.to_string())
+        let read = args.load().map_err(|error| error.to_string())?;
+        setup::reloaded(&loaded, &read).map_err(|error| error.to_string())
     };
     // The service ends by itself at the first signal.
     let _watch = Watch::begin();

@@ -50,6 +50,7 @@ pub(super) fn setup(
     let body = live.body.unwrap_or_else(|| "body".to_owned());
     let at = live.page.as_deref().map(|text| page_address(text, token.is_some())).transpose()?;
     let page = at.map(|at| page(at, token, loaded, &body));
+    check_ports(loaded)?;
     let is_relative = |output: &&OutputTable| output.profile == OutputProfile::Relative;
     let made = |wanted: bool| {
         let tables = loaded.config.output.iter().filter(|table| is_relative(table) == wanted);
@@ -100,8 +101,9 @@ fn is_of_these_days(time: GpsTime, clock: GpsTime) -> bool {
 }
 
 /// What a configuration that was read again changes.
-pub(super) fn reloaded(loaded: &Loaded) -> anyhow::Result<Reloaded> {
+pub(super) fn reloaded(running: &Loaded, loaded: &Loaded) -> anyhow::Result<Reloaded> {
     Ok(Reloaded {
+        not_taken_over: not_taken_over(running, loaded),
         inputs: inputs(loaded)?,
         antennas: loaded.config.antenna.len(),
         make_engine: make_engine(
@@ -109,6 +111,68 @@ pub(super) fn reloaded(loaded: &Loaded) -> anyhow::Result<Reloaded> {
             loaded.config.live.as_ref().is_some_and(|l| l.page.is_some()),
         )?,
     })
+}
+
+/// Tables and keys that differ from those of the running service, which keeps its own.
+fn not_taken_over(running: &Loaded, loaded: &Loaded) -> Vec<String> {
+    let table = |of: &Loaded| {
+        let live = of.config.live.clone().unwrap_or_default();
+        let value = serde_json::to_value(live).unwrap_or_default();
+        value.as_object().cloned().unwrap_or_default()
+    };
+    let outputs = |of: &Loaded| serde_json::to_value(&of.config.output).unwrap_or_default();
+    let log = |of: &Loaded| of.config.log.as_ref().map(|log| log.dir.clone());
+    let (before, after) = (table(running), table(loaded));
+    let keys = after.keys().filter(|key| before.get(*key) != after.get(*key));
+    let mut changed: Vec<String> = keys.map(|key| format!("live.{key}")).collect();
+    for (is_changed, name) in [
+        (outputs(running) != outputs(loaded), "[[output]]"),
+        (log(running) != log(loaded), "log.dir"),
+    ] {
+        changed.extend(is_changed.then(|| name.to_owned()));
+    }
+    changed
+}
+
+/// No two keys may listen at one port.
+fn check_ports(loaded: &Loaded) -> Result<(), UsageError> {
+    let config = &loaded.config;
+    let antennas =
+        config.antenna.iter().map(|a| (format!("antenna `{}` stream", a.name), &a.stream));
+    let antennas = antennas.filter_map(|(key, stream)| Some((key, stream.clone()?)));
+    let outputs = config.output.iter().zip(1..);
+    let outputs = outputs.map(|(output, n)| (format!("output {n} to"), output.to.clone()));
+    let page = config.live.as_ref().and_then(|live| live.page.clone());
+    let page = page.map(|page| ("live.page".to_owned(), format!("tcp-listen://{page}")));
+    let mut taken: Vec<(String, String)> = Vec::new();
+    for (key, text) in antennas.chain(outputs).chain(page) {
+        let Ok(Address::TcpListen { at }) = text.parse() else { continue };
+        let other = taken.iter().find(|(_, other)| listen_at_one(other, &at));
+        if let Some((other, _)) = other.filter(|(other, _)| !(is_stream(other) && is_stream(&key)))
+        {
+            return Err(UsageError(format!("{key}: {at} is taken by {other} already")));
+        }
+        taken.push((key, at));
+    }
+    Ok(())
+}
+
+/// Antennas may have one stream in common.
+fn is_stream(key: &str) -> bool {
+    key.ends_with("stream")
+}
+
+/// Whether two addresses have the same port of the same interface, or of any.
+fn listen_at_one(one: &str, other: &str) -> bool {
+    let parts = |at: &str| {
+        let (host, port) = at.rsplit_once(':').unwrap_or((at, ""));
+        let host = if host == "localhost" { "127.0.0.1" } else { host };
+        (host.to_owned(), port.to_owned())
+    };
+    let ((one, port), (other, other_port)) = (parts(one), parts(other));
+    let is_any = |host: &str| matches!(host, "0.0.0.0" | "[::]");
+    // Port 0 is any that is free.
+    port == other_port && port != "0" && (one == other || is_any(&one) || is_any(&other))
 }
 
 /// One input for every address; several antennas may share one.
@@ -383,6 +447,21 @@ dir = "logs"
             [(60.0, true), (2.0 * 86_400.0, true), (604_800.0, false), (-30.0 * 86_400.0, true)]
         {
             assert_eq!(is_of_these_days(clock + -age_s, clock), is_used, "{age_s} s");
+        }
+    }
+
+    #[test]
+    fn a_port_has_one_key() {
+        for (one, other, is_one) in [
+            ("127.0.0.1:80", "127.0.0.1:80", true),
+            ("localhost:80", "127.0.0.1:80", true),
+            ("0.0.0.0:80", "192.168.1.2:80", true),
+            ("[::]:80", "[::1]:80", true),
+            ("127.0.0.1:80", "127.0.0.1:81", false),
+            ("127.0.0.1:80", "192.168.1.2:80", false),
+            ("127.0.0.1:0", "127.0.0.1:0", false),
+        ] {
+            assert_eq!(listen_at_one(one, other), is_one, "{one} {other}");
         }
     }
 

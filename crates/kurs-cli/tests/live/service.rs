@@ -98,6 +98,11 @@ fn what_is_wrong_in_a_configuration_is_named() {
         ([good, good], "[live]\npage = \"nowhere\"\n", "127.0.0.1:PORT"),
         ([good, good], "[live]\ntoken_file = \"none\"\n", "live.token_file"),
         ([good, good], "[live]\npages = 1\n", "`pages`"),
+        (
+            [good, good],
+            "[live]\npage = \"127.0.0.1:7001\"\n[[output]]\nto = \"tcp-listen://:7001\"\nprofile = \"csv\"\n",
+            "live.page: 127.0.0.1:7001 is taken by output 1 to already",
+        ),
         ([good, good], "[[output]]\nto = \"file://a\"\nprofile = \"csv\"\n", "tcp-listen://"),
         (
             [good, good],
@@ -216,6 +221,12 @@ fn a_reload_changes_only_what_has_changed() {
     wait_for("fixed rows after the reload", || {
         statuses(&out)[before..].iter().any(|(_, s)| s == "fixed").then_some(())
     });
+    // What is not taken over is named.
+    let more =
+        format!("{live}body = \"other\"\n[[output]]\nto = \"udp://:9\"\nprofile = \"csv\"\n");
+    fs::write(folder.path().join("live.toml"), configuration([&first, &moved], &more)).unwrap();
+    service.signal("-HUP");
+    service.wait_for_words("changed, but only by a restart: live.body, [[output]]");
     // A configuration that is wrong changes nothing.
     fs::write(folder.path().join("live.toml"), "nonsense = 1").unwrap();
     service.signal("-HUP");
