@@ -7,6 +7,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use kurs::ephemeris::NavigationData;
+use kurs::frames::{Ecef, Vector};
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 use kurs_formats::logs::{LogOptions, LogReader};
@@ -41,6 +42,8 @@ pub(crate) struct Decoded {
     pub(crate) epoch: AntennaEpoch,
     pub(crate) news: NavigationData,
     pub(crate) arrival: Arrival,
+    /// Where a station in the stream says that it is.
+    pub(crate) place_m: Option<Vector<Ecef>>,
 }
 
 /// Lets a decoder run ahead of the other antennas only so far.
@@ -169,7 +172,8 @@ pub(crate) fn decode(
         decoding.status.note_age(gps_time(arrival.last_byte_utc) - epoch.time);
         decoding.permits.acquire();
         let news = reader.take_news();
-        if !give(Decoded { epoch, news, arrival }) {
+        let place_m = reader.place_m();
+        if !give(Decoded { epoch, news, arrival, place_m }) {
             return;
         }
     }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use kurs::differential::Differential;
 use kurs::ephemeris::{AsReceived, NavigationData};
+use kurs::frames::{Ecef, Vector};
 use kurs::observation::matcher::Matcher;
 use kurs::observation::{AntennaEpoch, ArrayEpoch};
 use kurs::solution::EpochSolution;
@@ -23,6 +24,7 @@ use crate::page::Hub;
 use crate::peer::Peers;
 use crate::service::{Finish, ForFiles, Gga, Times};
 use crate::state::StateFiles;
+use crate::station_place::StationPlace;
 use crate::status::{Status, StreamStatus};
 
 /// A consumer drops an attitude that is older than this (ArduPilot: 300 ms to 400 ms); counted from the
@@ -49,6 +51,7 @@ pub(crate) struct Estimator {
     pub(crate) received: AsReceived,
     pub(crate) antennas: Vec<Antenna>,
     pub(crate) station: StationEpochs,
+    pub(crate) station_place: StationPlace,
     /// All antennas have one clock.
     pub(crate) common_clock: bool,
     /// Everything received, for a new engine and for the next start.
@@ -104,7 +107,10 @@ impl Estimator {
             match events.recv_timeout(wait) {
                 Ok(Event::Epoch { antenna: STATION, decoded }) => self.take_station(*decoded),
                 Ok(Event::Epoch { antenna, decoded }) => self.take(antenna, *decoded),
-                Ok(Event::Left { antenna: STATION }) => self.station.has_left = true,
+                Ok(Event::Left { antenna: STATION }) => {
+                    self.station.has_left = true;
+                    self.station_place.leave();
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(Event::Left { antenna }) => self.matcher.leave(antenna),
                 Ok(Event::Sample(tow_s, sample, arrived)) => {
@@ -167,7 +173,7 @@ impl Estimator {
     }
 
     fn take(&mut self, antenna: usize, decoded: Decoded) {
-        let Decoded { epoch, news, arrival } = decoded;
+        let Decoded { epoch, news, arrival, .. } = decoded;
         self.received.hold(antenna, epoch.time, news);
         let of = &mut self.antennas[antenna];
         of.out += 1;
@@ -204,11 +210,23 @@ impl Estimator {
     fn take_station(&mut self, decoded: Decoded) {
         let number = self.antennas.len();
         self.received.hold(number, decoded.epoch.time, decoded.news);
+        if let Some(place_m) = self.station_place.take(decoded.place_m) {
+            // What waits was observed at another place.
+            self.station.forget();
+            self.put_station(place_m);
+        }
         self.station.take(decoded.epoch);
     }
 
+    fn put_station(&mut self, place_m: Vector<Ecef>) {
+        if let Err(error) = self.engine.put_station(place_m) {
+            tracing::error!("the station cannot be used: {error}");
+        }
+    }
+
     fn solve(&mut self, mut epoch: ArrayEpoch) {
-        epoch.station = self.station.at(epoch.time, self.matcher.window_s());
+        let observed = self.station.at(epoch.time, self.matcher.window_s());
+        epoch.station = observed.filter(|_| self.station_place.is_known());
         let station_age_s = epoch.station.as_ref().map(|station| epoch.time - station.time);
         self.status.note_station(station_age_s);
         self.check_clocks(&epoch);
@@ -353,6 +371,9 @@ impl Estimator {
         match (new.make)(self.navigation.clone()) {
             Ok(engine) => {
                 self.engine = engine;
+                if let Some(place_m) = self.station_place.replace(self.engine.station_m()) {
+                    self.put_station(place_m);
+                }
                 tracing::info!("the configuration was read again");
             }
             Err(what) => tracing::error!("the configuration was read again, but refused: {what}"),
@@ -378,6 +399,14 @@ impl StationEpochs {
                 self.waiting.pop_front();
             }
         }
+    }
+
+    /// None of those that wait serves any more.
+    fn forget(&mut self) {
+        if self.is_awaited {
+            self.permits.release(self.waiting.len());
+        }
+        self.waiting.clear();
     }
 
     /// Whether a row of this time need not wait.

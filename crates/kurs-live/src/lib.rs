@@ -42,6 +42,7 @@ mod record;
 mod relative;
 mod service;
 mod state;
+mod station_place;
 mod status;
 mod systemd;
 mod trouble;

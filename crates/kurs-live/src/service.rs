@@ -28,6 +28,7 @@ use crate::output::{self, Output};
 use crate::page::{Command, Hub, MAX_COMMANDS, Page};
 use crate::peer::{PeerSetup, Peers, RelativeRow};
 use crate::state::StateFiles;
+use crate::station_place::StationPlace;
 use crate::status::{Brings, Status, StreamStatus};
 use crate::systemd;
 
@@ -356,11 +357,13 @@ async fn serve(
     });
     let state = setup.state_dir.map(StateFiles::new);
     let start_output = |output| output::start(output, Arc::clone(&status));
+    let engine = (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?;
     let estimator = Estimator {
+        station_place: StationPlace::new(engine.station_m(), Arc::clone(&inputs.station_status)),
         carrier,
         peers: setup.peers.map(|peers| Peers::new(peers, start_output)),
         turn_rate: TurnRate::default(),
-        engine: (setup.make_engine)(setup.navigation.clone()).map_err(ServiceError::Engine)?,
+        engine,
         finish: setup.finish,
         // Logs that are read as fast as possible wait for each other; everything else has a deadline.
         matcher: match is_unpaced {

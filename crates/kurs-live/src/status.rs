@@ -205,6 +205,8 @@ pub(crate) struct StreamStatus {
     /// The same, as it is told in the log.
     errors_told: Trouble,
     lateness: Mutex<Lateness>,
+    /// Of a station: where it is.
+    place: Trouble,
 }
 
 /// Epochs that miss the deadline one after the other.
@@ -232,6 +234,7 @@ impl StreamStatus {
         Self {
             errors_told: Trouble::new(format!("stream {name}:")),
             lateness: Mutex::default(),
+            place: Trouble::new(name.clone()),
             name,
             brings: Brings::Epochs,
             baud: baud.map_or(0, u64::from),
@@ -412,6 +415,14 @@ impl StreamStatus {
         }
     }
 
+    /// Why the place of a station is not known.
+    pub(crate) fn note_place(&self, trouble: Option<String>) {
+        match trouble {
+            Some(what) => self.place.note(&what),
+            None => self.place.end(),
+        }
+    }
+
     pub(crate) fn note_connection(&self, connected: bool) {
         self.connections.fetch_add(u64::from(connected), Relaxed);
         self.connected.store(connected, Relaxed);
@@ -442,7 +453,8 @@ impl StreamStatus {
             false => UNKNOWN_SILENT_S,
         };
         if silent_s <= limit_s {
-            return self.lateness.lock().unwrap_or_else(PoisonError::into_inner).text();
+            let lateness = self.lateness.lock().unwrap_or_else(PoisonError::into_inner);
+            return lateness.text().or_else(|| self.place.what());
         }
         Some(match (self.connected.load(Relaxed), error.is_empty()) {
             (false, false) => format!("is not connected: {error}"),

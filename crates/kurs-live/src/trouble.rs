@@ -48,6 +48,11 @@ impl Trouble {
         self.state().now.as_ref().map(|what| format!("{} {what}", self.subject))
     }
 
+    /// The same without its subject.
+    pub(crate) fn what(&self) -> Option<String> {
+        self.state().now.clone()
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

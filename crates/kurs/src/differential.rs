@@ -67,6 +67,22 @@ impl Differential {
         Ok(Self { station: station.transpose()?, engine })
     }
 
+    /// Where the station is, ECEF, m; `None` without one.
+    #[must_use]
+    pub fn station_m(&self) -> Option<Vector<Ecef>> {
+        self.station.as_ref().map(|station| station.position_m)
+    }
+
+    /// Puts the station at another place (ECEF, m), as virtual stations do; what was known of its phases is forgotten.
+    ///
+    /// # Errors
+    ///
+    /// [`SettingsError`] for settings that cannot work.
+    pub fn put_station(&mut self, station_m: Vector<Ecef>) -> Result<(), SettingsError> {
+        self.station = Some(StationChains::new(station_m, self.engine.settings())?);
+        Ok(())
+    }
+
     /// As [`Engine::insert`]: the engine and the station share what is known.
     pub fn insert(&mut self, news: &NavigationData) {
         self.engine.insert(news);

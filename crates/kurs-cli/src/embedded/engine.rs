@@ -91,6 +91,7 @@ impl EmbeddedEngine {
         let sources = sources(&loaded, known_time);
         let station = match &loaded.config.station {
             Some(table) => {
+                table.check_has_place()?;
                 let max_age_s = table.max_age_s()?;
                 Some(StationEpochs::new(deadline_s.map(|_| max_age_s)))
             }

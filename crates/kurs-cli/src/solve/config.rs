@@ -163,7 +163,9 @@ pub(crate) struct StationTable {
     /// `kurs live`: where the bytes come from.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) stream: Option<String>,
-    pub(crate) position_ecef_m: [f64; 3],
+    /// `kurs live`: where it is left out, a stream says it itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) position_ecef_m: Option<[f64; 3]>,
     /// `kurs live`: until which age an epoch serves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) max_age_s: Option<f64>,
@@ -188,6 +190,16 @@ pub(crate) struct StationTable {
 }
 
 impl StationTable {
+    /// For those who do not go by what the station says.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] without a place.
+    pub(crate) fn check_has_place(&self) -> Result<(), UsageError> {
+        let missing = "station: `position_ecef_m` is missing, its ECEF coordinates in metres";
+        self.position_ecef_m.map(|_| ()).ok_or_else(|| UsageError(missing.into()))
+    }
+
     /// Until which age an epoch serves, s.
     ///
     /// # Errors
@@ -653,6 +665,7 @@ impl Loaded {
         if let Some(without) = antenna.iter().find(|a| a.obs.is_empty()) {
             return Err(UsageError(format!("antenna `{}`: `obs` names no file", without.name)));
         }
+        station.as_ref().map_or(Ok(()), StationTable::check_has_place)?;
         if station.as_ref().is_some_and(|station| station.obs.is_empty()) {
             return Err(UsageError("station: `obs` names no file".into()));
         }
@@ -717,8 +730,7 @@ impl Loaded {
                 "nav.approximate_time is {time}, expected a date since 1980 such as 2024-06-24"
             )));
         }
-        if let Some(station) = &self.config.station {
-            let [x, y, z] = station.position_ecef_m;
+        if let Some([x, y, z]) = self.config.station.as_ref().and_then(|s| s.position_ecef_m) {
             let radius_m = (x * x + y * y + z * z).sqrt();
             if !(6.3e6..7e6).contains(&radius_m) {
                 return Err(UsageError(format!(

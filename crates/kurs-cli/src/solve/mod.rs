@@ -300,7 +300,7 @@ pub(crate) fn engine(
     let unusable = |error: SettingsError| UsageError(in_keys(&error));
     let engine = Engine::new(settings, navigation).map_err(unusable)?.with_phase_centers(mounts);
     let station = loaded.config.station.as_ref();
-    let station_m = station.map(|s| s.position_ecef_m).map(|[x, y, z]| Vector::new(x, y, z));
+    let station_m = station.and_then(|s| s.position_ecef_m).map(|[x, y, z]| Vector::new(x, y, z));
     Ok(Differential::new(engine, station_m).map_err(unusable)?)
 }
 

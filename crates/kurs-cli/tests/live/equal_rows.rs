@@ -70,6 +70,39 @@ fn logs_with_a_station_give_the_rows_of_solve() {
     assert_same(&rows(&out), &wanted, "with a station");
 }
 
+/// The station says where it is: coordinates are relative to it, as with the place in the configuration. One that is 50 m
+/// away from what it says is not believed, and told.
+#[test]
+fn a_station_is_where_its_stream_says() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate(folder.path(), &(SCENARIO.to_owned() + STATION));
+    let stream =
+        |name: &str| format!("stream = \"file://{}?speed=0\"", folder.path().join(name).display());
+    // Error of the latitude and its standard deviation, m, of the last row.
+    let last = |place: &str| {
+        let station = format!("[station]\n{}\n{place}", stream("base.rtcm3"));
+        let text = configuration([&stream("A0.ubx"), &stream("A1.ubx")], &station);
+        let _ = fs::remove_dir_all(folder.path().join("live"));
+        let service = Service::start(folder.path(), &text, &["--once"]);
+        let (status, out) = service.end(Duration::from_secs(60));
+        assert_eq!(status, Some(0));
+        let all = rows(&out)[0].clone();
+        let row: Vec<&str> = all.lines().last().unwrap().split(',').collect();
+        let number = |k: usize| row[k].parse::<f64>().unwrap();
+        let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
+        ((number(20) - 52.0) * 111_300.0, number(23), said)
+    };
+    for place in [String::new(), station_position()] {
+        let (error_m, sd_m, _) = last(&place);
+        assert!(error_m.abs() < 0.05 && sd_m < 0.05, "{place:?}: {error_m} m, {sd_m} m");
+    }
+    let away = Geodetic::from_degrees(52.001_45, 13.0, 90.0).to_ecef().xyz();
+    let (error_m, sd_m, said) =
+        last(&format!("position_ecef_m = [{}, {}, {}]\n", away.x, away.y, away.z));
+    assert!(said.contains("50 m from `position_ecef_m`"), "{said}");
+    assert!(error_m.abs() < 5.0 && sd_m > 0.1, "{error_m} m, {sd_m} m");
+}
+
 /// In pieces of any size, with delays between the antennas that the deadline allows.
 #[test]
 fn tcp_gives_the_rows_of_solve() {
