@@ -62,6 +62,9 @@ pub struct Output {
     pub partner: Partner,
 }
 
+/// So many messages in a row that were too old are no hiccup of the machine.
+const MANY_EXPIRED: u32 = 5;
+
 /// A message on its way.
 #[derive(Debug, Clone)]
 pub(crate) struct Message {
@@ -77,6 +80,8 @@ pub(crate) struct Sink {
     sender: broadcast::Sender<Message>,
     /// Number of the last period of the rate that had a message.
     last_period: Option<f64>,
+    /// Messages that were too old, since the last one that was not.
+    expired: u32,
     status: Arc<OutputStatus>,
 }
 
@@ -107,13 +112,17 @@ impl Sink {
     }
 
     /// A message was too old to leave.
-    pub(crate) fn note_expired(&self) {
-        self.status.age.note(
-            "sends nothing: its messages are more than 300 ms older than the first byte of their epoch",
-        );
+    pub(crate) fn note_expired(&mut self) {
+        self.expired = self.expired.saturating_add(1);
+        if self.expired >= MANY_EXPIRED {
+            self.status.age.note(
+                "sends nothing: its messages are more than 300 ms older than the first byte of their epoch",
+            );
+        }
     }
 
-    pub(crate) fn send(&self, message: Message) {
+    pub(crate) fn send(&mut self, message: Message) {
+        self.expired = 0;
         self.status.age.end();
         // Without receivers there is nobody to tell.
         let _ = self.sender.send(message);
@@ -125,8 +134,14 @@ pub(crate) fn start(output: Output, status: Arc<Status>) -> Sink {
     let (sender, receiver) = broadcast::channel(QUEUE);
     let Output { address, rate_hz, encode, partner } = output;
     let output = status.add_output(&address.to_string());
-    let sink =
-        Sink { rate_hz, encode, sender: sender.clone(), last_period: None, status: output.clone() };
+    let sink = Sink {
+        rate_hz,
+        encode,
+        sender: sender.clone(),
+        last_period: None,
+        expired: 0,
+        status: output.clone(),
+    };
     tokio::spawn(async move {
         let way = &output.way;
         match address {
@@ -388,7 +403,8 @@ mod tests {
         let (sender, _) = broadcast::channel(1);
         let encode: Encode = Arc::new(|_, _, _| None);
         let status = Status::new().add_output("udp://h:1");
-        let mut sink = Sink { rate_hz: Some(10.0), encode, sender, last_period: None, status };
+        let mut sink =
+            Sink { rate_hz: Some(10.0), encode, sender, last_period: None, expired: 0, status };
         let begin = GpsTime::from_week_tow(2300, 0.0).unwrap();
         let off_s = [0.0, -4e-4, 4e-4, -9e-4];
         let due: Vec<usize> = (0..40)
