@@ -431,6 +431,12 @@ impl FloatSolution {
         if self.without_code { 0.0 } else { off_m.dot(&(&self.code.normal * &off_m)) }
     }
 
+    /// Squares that integers leave of the phases, and of the code beyond what code alone leaves.
+    #[must_use]
+    pub fn squares_left(&self, conditional: &Conditional) -> f64 {
+        conditional.phase_fit.sum + self.code_excess(&conditional.correction_m)
+    }
+
     /// Whether it holds the code and phases of one epoch and nothing else.
     #[must_use]
     pub fn is_of_one_epoch(&self) -> bool {
@@ -478,7 +484,7 @@ impl FloatSolution {
     #[must_use]
     pub fn squared_distance(&self, integers: &[f64]) -> Option<f64> {
         let conditional = self.is_of_one_epoch().then(|| self.conditional(integers))??;
-        Some(conditional.phase_fit.sum + self.code_excess(&conditional.correction_m))
+        Some(self.squares_left(&conditional))
     }
 
     /// `y_Φ − Λ z` of each group.

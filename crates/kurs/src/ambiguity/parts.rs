@@ -19,13 +19,10 @@ const MAX_COMBINATIONS: usize = 16;
 /// The search with its memory: keep one and call it every epoch.
 #[derive(Debug, Clone)]
 pub struct PartwiseLeastSquares {
-    /// Nodes visited in each part before it gives up.
-    pub node_budget: usize,
-    /// [`IntegerLeastSquares::node_budget_of_strong_models`], of each part.
-    pub node_budget_of_strong_models: usize,
     /// [`IntegerLeastSquares::horizon`]
     pub horizon: f64,
-    search: IntegerLeastSquares,
+    /// The search of each part, with its budgets; its horizon follows from that of the whole.
+    pub search: IntegerLeastSquares,
     nodes: usize,
     proven_to: f64,
     success_rate: f64,
@@ -35,15 +32,7 @@ impl Default for PartwiseLeastSquares {
     fn default() -> Self {
         let mut search = IntegerLeastSquares::default();
         search.reduced_within = DEFAULT_HORIZON;
-        Self {
-            node_budget: search.node_budget,
-            node_budget_of_strong_models: search.node_budget_of_strong_models,
-            horizon: DEFAULT_HORIZON,
-            search,
-            nodes: 0,
-            proven_to: f64::NAN,
-            success_rate: 0.0,
-        }
+        Self { horizon: DEFAULT_HORIZON, search, nodes: 0, proven_to: f64::NAN, success_rate: 0.0 }
     }
 }
 
@@ -69,8 +58,6 @@ impl PartwiseLeastSquares {
         count: usize,
     ) -> Option<Vec<Candidate>> {
         (self.nodes, self.success_rate, self.proven_to) = (0, 1.0, f64::INFINITY);
-        self.search.node_budget = self.node_budget;
-        self.search.node_budget_of_strong_models = self.node_budget_of_strong_models;
         let mut searched: Vec<Part> = Vec::with_capacity(parts.len());
         for rows in parts {
             // χ² of the other ambiguities

@@ -170,7 +170,7 @@ impl Fix {
         };
         let Problem { known, settings, rate, .. } = *problem;
         let misfit = Fit {
-            sum: conditional.phase_fit.sum + problem.float.code_excess(&conditional.correction_m),
+            sum: problem.float.squares_left(&conditional),
             degrees_of_freedom: found.integers.len(),
         };
         let checks = Checks::of_integers(&found, &conditional, misfit, known, settings, rate);

@@ -99,7 +99,7 @@ impl Default for Searches {
         let mut free = IntegerLeastSquares::default();
         free.node_budget_of_strong_models = STRONG_MODEL_NODES;
         let mut parts = PartwiseLeastSquares::default();
-        parts.node_budget_of_strong_models = STRONG_MODEL_NODES;
+        parts.search.node_budget_of_strong_models = STRONG_MODEL_NODES;
         Self {
             free,
             parts,
@@ -255,7 +255,7 @@ impl Searches {
         for (row, baseline) in float.baseline_of.iter().enumerate() {
             parts[*baseline].push(row);
         }
-        self.parts.node_budget = self.budget.nodes(Search::Free).ok()? / baselines;
+        self.parts.search.node_budget = self.budget.nodes(Search::Free).ok()? / baselines;
         let squared_distance = |integers: &[i64]| {
             let cycles: Vec<f64> = integers.iter().map(|z| *z as f64).collect();
             float.squared_distance(&cycles)

@@ -56,6 +56,7 @@ impl Lines {
             Self::Compact(lines) => lines.source(),
         }
     }
+
     pub(super) const fn source_mut(&mut self) -> &mut Source {
         match self {
             Self::Plain(source) => source,
