@@ -17,6 +17,10 @@ use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::Vector3;
 
+/// As the program `kurs` has it.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// The highest so many of all systems are seen, down to the horizon, if no other number is given.
 const SATELLITES: usize = 30;
 const RUNS: usize = 5;

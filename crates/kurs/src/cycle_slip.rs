@@ -125,9 +125,16 @@ impl Continuity {
     }
 }
 
+/// Place of a satellite's signal in the order of tracks: one number is found faster than two names.
+fn order(satellite: Satellite, signal: Signal) -> u64 {
+    let band = u64::from(signal.band.ordinal());
+    u64::from(satellite.ordinal()) << 24 | band << 8 | u64::from(signal.attribute)
+}
+
 impl AntennaTracks {
     fn find(&self, satellite: Satellite, signal: Signal) -> Result<usize, usize> {
-        self.tracks.binary_search_by_key(&(satellite, signal), |t| (t.satellite, t.signal))
+        self.tracks
+            .binary_search_by_key(&order(satellite, signal), |t| order(t.satellite, t.signal))
     }
 
     /// The track of the `place`-th phase of an epoch.

@@ -19,8 +19,11 @@ pub use code::CodeFloat;
 use std::sync::OnceLock;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use smallvec::smallvec;
 
-use crate::difference::{Combination, Link, add_common_cycles, covariance, equations, own_links};
+use crate::difference::{
+    Combination, Link, OfLinks, add_common_cycles, covariance, equations, own_links,
+};
 use crate::signal::SatelliteSet;
 
 /// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
@@ -242,13 +245,13 @@ impl FloatSolution {
         let mut first = 0;
         for Phases { misclosure_m, wavelengths_m, design, .. } in &self.phases {
             let count = misclosure_m.len();
-            let left_m = misclosure_m - design * &self.correction_m;
-            let cycles = left_m.component_div(wavelengths_m);
-            self.ambiguities_cycles.rows_mut(first, count).copy_from(&cycles);
-            for (column, of_design) in design.column_iter().enumerate() {
-                let scaled = of_design.component_div(wavelengths_m);
-                self.scaled_design.view_mut((first, column), (count, 1)).copy_from(&scaled);
-            }
+            let mut cycles = self.ambiguities_cycles.rows_mut(first, count);
+            cycles.copy_from(misclosure_m);
+            cycles.gemv(-1.0, design, &self.correction_m, 1.0);
+            cycles.component_div_assign(wavelengths_m);
+            let mut scaled = self.scaled_design.rows_mut(first, count);
+            scaled.copy_from(design);
+            scaled.column_iter_mut().for_each(|mut c| c.component_div_assign(wavelengths_m));
             let last = |row: usize| (0..unknowns).rev().find(|i| design[(row, *i)] != 0.0);
             self.baseline_of.extend((0..count).map(|row| last(row).unwrap_or(0) / 3));
             first += count;
@@ -276,8 +279,11 @@ impl FloatSolution {
 
     /// `Λ⁻¹ (Q_Φ + A_Φ Q_x̂ A_Φᵀ) Λ⁻¹` of the ambiguities `rows`, which rise, where nothing but this epoch is known.
     fn one_epoch_covariance(&self, rows: &[usize]) -> DMatrix<f64> {
-        let spread = -self.cross_covariance.select_columns(rows);
-        let mut covariance = self.scaled_design.select_rows(rows) * spread;
+        let mut covariance = if rows.len() == self.ambiguities_cycles.len() {
+            -(&self.scaled_design * &self.cross_covariance)
+        } else {
+            -(self.scaled_design.select_rows(rows) * self.cross_covariance.select_columns(rows))
+        };
         let (mut first, mut from) = (0, 0);
         for Phases { wavelengths_m, covariance_m2, .. } in &self.phases {
             let end = first + wavelengths_m.len();
@@ -371,10 +377,9 @@ impl FloatSolution {
         let mut first = 0;
         for phases in &self.phases {
             let count = phases.misclosure_m.len();
-            let mut weighted = &phases.misclosure_m - &phases.design * correction_m;
-            for i in 0..count {
-                weighted[i] -= phases.wavelengths_m[i] * integers[first + i];
-            }
+            let mut weighted =
+                DVector::from_fn(count, |i, _| phases.range_m(i, integers[first + i]));
+            weighted.gemv(-1.0, &phases.design, correction_m, 1.0);
             first += count;
             phases.factor.solve_mut(&mut weighted);
             spread(&phases.combinations, phases.first_link, &weighted, &mut residuals);
@@ -426,9 +431,16 @@ impl FloatSolution {
     /// those that code alone gives.
     #[must_use]
     pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
+        if self.without_code {
+            return 0.0;
+        }
         // (x − x̂)ᵀ N (x − x̂)
-        let off_m = correction_m - &self.code.correction_m;
-        if self.without_code { 0.0 } else { off_m.dot(&(&self.code.normal * &off_m)) }
+        let off_m = |i: usize| correction_m[i] - self.code.correction_m[i];
+        let of_columns = self.code.normal.column_iter().enumerate().map(|(j, column)| {
+            let along: f64 = column.iter().enumerate().map(|(i, n)| n * off_m(i)).sum();
+            along * off_m(j)
+        });
+        of_columns.sum()
     }
 
     /// Squares that integers leave of the phases, and of the code beyond what code alone leaves.
@@ -453,15 +465,23 @@ impl FloatSolution {
     /// they are not determined.
     #[must_use]
     pub fn conditional(&self, integers: &[f64]) -> Option<Conditional> {
-        let ranges_m = self.ranges_m(integers);
-        let correction_m = self.conditional_correction(integers, &ranges_m)?;
+        let mut whitened = self.whitened_ranges(integers.iter().copied());
+        let correction_m = self.conditional_correction(integers.iter().copied(), &whitened)?;
         let mut phase_sum = 0.0;
         let mut residual_squares = 0.0;
-        for (phases, range_m) in self.phases.iter().zip(ranges_m) {
-            let mut residual = range_m - &phases.design * &correction_m;
-            residual_squares += residual.norm_squared();
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut residual);
+        let mut first = 0;
+        for phases in &self.phases {
+            let count = phases.misclosure_m.len();
+            // L⁻¹ (y_Φ − Λ z − A_Φ x̌)
+            let mut residual = whitened.rows_mut(first, count);
+            residual.gemv(-1.0, &phases.whitened_design, &correction_m, 1.0);
             phase_sum += residual.norm_squared();
+            for i in 0..count {
+                let along_m = phases.design.row(i).tr_dot(&correction_m);
+                let range_m = phases.range_m(i, integers[first + i]);
+                residual_squares += (range_m - along_m).powi(2);
+            }
+            first += count;
         }
         let (n, unknowns) = (integers.len(), correction_m.len());
         Some(Conditional {
@@ -474,9 +494,9 @@ impl FloatSolution {
 
     /// By how much the weighted squares of the epoch's code grow with these integers.
     #[must_use]
-    pub fn code_excess_of(&self, integers: &[f64]) -> Option<f64> {
-        let correction_m = self.conditional_correction(integers, &self.ranges_m(integers))?;
-        Some(self.code_excess(&correction_m))
+    pub fn code_excess_of(&self, integers: impl Iterator<Item = f64> + Clone) -> Option<f64> {
+        let whitened = self.whitened_ranges(integers.clone());
+        Some(self.code_excess(&self.conditional_correction(integers, &whitened)?))
     }
 
     /// `(â − z)ᵀ Q_â⁻¹ (â − z)` of these integers `z`: the squares that they leave of the phases, and of the code beyond what code
@@ -487,38 +507,50 @@ impl FloatSolution {
         Some(self.squares_left(&conditional))
     }
 
-    /// `y_Φ − Λ z` of each group.
-    fn ranges_m(&self, integers: &[f64]) -> Vec<DVector<f64>> {
-        let mut integers = integers.iter();
-        let of_group = |phases: &Phases| {
-            let mut range_m = phases.misclosure_m.clone();
-            let cycles = phases.wavelengths_m.iter().zip(integers.by_ref());
-            for (range_m, (wavelength_m, z)) in range_m.iter_mut().zip(cycles) {
-                *range_m -= wavelength_m * z;
+    /// `L⁻¹ (y_Φ − Λ z)`, with the factor `L` of each group's `Q_Φ`, in the order of the ambiguities.
+    fn whitened_ranges(&self, mut integers: impl Iterator<Item = f64>) -> DVector<f64> {
+        let mut whitened = DVector::zeros(self.ambiguities_cycles.len());
+        let mut first = 0;
+        for phases in &self.phases {
+            let mut of_group = whitened.rows_mut(first, phases.misclosure_m.len());
+            for (i, (range_m, z)) in of_group.iter_mut().zip(integers.by_ref()).enumerate() {
+                *range_m = phases.range_m(i, z);
             }
-            range_m
-        };
-        self.phases.iter().map(of_group).collect()
+            phases.factor.l_dirty().solve_lower_triangular_mut(&mut of_group);
+            first += phases.misclosure_m.len();
+        }
+        whitened
     }
 
     /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`
     fn conditional_correction(
         &self,
-        integers: &[f64],
-        ranges_m: &[DVector<f64>],
+        integers: impl Iterator<Item = f64>,
+        whitened_ranges: &DVector<f64>,
     ) -> Option<DVector<f64>> {
         let covariance_m2 = self.conditional.covariance_m2.as_ref()?;
         if let Some(memory) = &self.memory {
-            let right = &memory.right - &memory.cross * DVector::from_column_slice(integers);
+            let mut right = memory.right.clone();
+            for (of_ambiguity, z) in memory.cross.column_iter().zip(integers) {
+                right.axpy(-z, &of_ambiguity, 1.0);
+            }
             return Some(covariance_m2 * right);
         }
         let mut right = self.code_right.clone();
-        for (phases, range_m) in self.phases.iter().zip(ranges_m) {
-            let mut whitened = range_m.clone();
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
-            right.gemv_tr(1.0, &phases.whitened_design, &whitened, 1.0);
+        let mut first = 0;
+        for phases in &self.phases {
+            let of_group = whitened_ranges.rows(first, phases.misclosure_m.len());
+            right.gemv_tr(1.0, &phases.whitened_design, &of_group, 1.0);
+            first += phases.misclosure_m.len();
         }
         Some(covariance_m2 * right)
+    }
+}
+
+impl Phases {
+    /// `y_Φ − Λ z` of one double difference, m.
+    fn range_m(&self, row: usize, z: f64) -> f64 {
+        self.misclosure_m[row] - self.wavelengths_m[row] * z
     }
 }
 
@@ -559,7 +591,7 @@ fn spread(
     links: &mut Vec<(usize, f64)>,
 ) {
     let last = combinations.iter().flatten().map(|(edge, _)| *edge).max();
-    let mut sums = vec![None; last.map_or(0, |last| last + 1)];
+    let mut sums: OfLinks<Option<f64>> = smallvec![None; last.map_or(0, |last| last + 1)];
     for (row, weight) in combinations.iter().zip(weights.iter()) {
         for (edge, sign) in row {
             *sums[*edge].get_or_insert(0.0) += sign * weight;
@@ -598,7 +630,8 @@ fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {
 fn well_conditioned_inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     const WEAKEST: f64 = 1e-10;
     let factor = normal.clone().cholesky()?;
-    let diagonal = factor.l_dirty().diagonal();
-    let (least, most) = (diagonal.min(), diagonal.max());
+    let diagonal = (0..normal.nrows()).map(|i| factor.l_dirty()[(i, i)]);
+    let (least, most) =
+        diagonal.fold((f64::INFINITY, 0.0), |(least, most), d| (d.min(least), d.max(most)));
     (least * least > WEAKEST * most * most).then(|| factor.inverse())
 }

@@ -126,6 +126,11 @@ impl Satellite {
         Self { system, number }
     }
 
+    /// Its place in the order of satellites.
+    pub(crate) const fn ordinal(self) -> u16 {
+        (self.system as u16) << 8 | self.number as u16
+    }
+
     /// Whether this is a BeiDou satellite in geostationary orbit: BDS-2 C01 to C05 and BDS-3 C59 to
     /// C63, whose broadcast orbits are given in a frame of their own (BDS-SIS-ICD-B1I-3.0, table 5-11).
     #[must_use]
@@ -172,6 +177,11 @@ impl FromIterator<Satellite> for SatelliteSet {
 }
 
 impl Band {
+    /// Its place in the order of bands.
+    pub(crate) const fn ordinal(self) -> u16 {
+        (self.system as u16) << 8 | self.digit as u16
+    }
+
     /// Band `digit` of `system`.
     #[must_use]
     pub const fn new(system: System, digit: u8) -> Self {

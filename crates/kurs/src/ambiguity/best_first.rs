@@ -326,7 +326,7 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
             decorrelated[node.free] = whole_number(node.integer);
             node = &self.nodes[node.parent];
         }
-        let mut integers = levels.decorrelation.original(&decorrelated)?;
+        let mut integers = levels.decorrelation.original(decorrelated)?;
         for (integer, offset) in integers.iter_mut().zip(&levels.whole) {
             *integer += offset;
         }

@@ -86,9 +86,13 @@ impl Ldl {
             let start = self.block_starts.len();
             self.block_starts.resize(start + size, start);
         }
-        self.lower.clone_from(covariance);
+        if self.lower.shape() == covariance.shape() {
+            self.lower.copy_from(covariance);
+        } else {
+            self.lower.clone_from(covariance);
+        }
         self.variances.clear();
-        self.variances.extend(covariance.diagonal().iter());
+        self.variances.extend((0..n).map(|i| covariance[(i, i)]));
         self.order.clear();
         self.order.extend(0..n);
         self.panel.resize(n * PANEL.min(n), 0.0);

@@ -106,7 +106,7 @@ impl IntegerLeastSquares {
         leaves
             .into_iter()
             .map(|leaf| {
-                let mut integers = self.decorrelation.original(&leaf.integers)?;
+                let mut integers = self.decorrelation.original(leaf.integers)?;
                 for (integer, offset) in integers.iter_mut().zip(&whole) {
                     *integer += offset;
                 }

@@ -16,18 +16,24 @@ use crate::signal::Satellite;
 /// case, so it rarely leaves the stack.
 pub type Combination = SmallVec<[(usize, f64); 6]>;
 
+/// One of each link of a group: rarely more than four antennas see sixteen satellites of one system.
+pub type OfLinks<T> = SmallVec<[T; 64]>;
+
+/// One of each satellite or antenna of a group.
+type OfNodes<T> = SmallVec<[T; 16]>;
+
 /// The graph of one group's usable links: the antenna and the satellite at the ends of each, satellites by number.
 struct Graph {
     /// Index of the link, antenna, satellite.
-    edges: Vec<(usize, usize, usize)>,
+    edges: OfLinks<(usize, usize, usize)>,
     antennas: usize,
     satellites: usize,
 }
 
 impl Graph {
     fn of(links: &[Link], usable: impl Fn(&Link) -> bool) -> Self {
-        let mut named: SmallVec<[Satellite; 32]> = SmallVec::new();
-        let mut edges = Vec::with_capacity(links.len());
+        let mut named: OfNodes<Satellite> = SmallVec::new();
+        let mut edges = SmallVec::with_capacity(links.len());
         let mut antennas = 0;
         for (edge, link) in links.iter().enumerate().filter(|(_, link)| usable(link)) {
             // The links of a satellite stand together.
@@ -43,14 +49,14 @@ impl Graph {
     }
 
     /// The satellites by how well they are seen: those of most antennas first, of these the highest.
-    fn references(&self, links: &[Link]) -> Vec<usize> {
-        let mut seen = vec![(0_usize, -1.0_f64); self.satellites];
+    fn references(&self, links: &[Link]) -> OfNodes<usize> {
+        let mut seen: OfNodes<(usize, f64)> = smallvec![(0, -1.0); self.satellites];
         for &(edge, _, satellite) in &self.edges {
             let (count, sin_elevation) = &mut seen[satellite];
             *count += 1;
             *sin_elevation = sin_elevation.max(links[edge].direction.sin_elevation());
         }
-        let mut satellites: Vec<usize> = (0..self.satellites).collect();
+        let mut satellites: OfNodes<usize> = (0..self.satellites).collect();
         satellites.sort_by(|a, b| {
             let ((count_a, elevation_a), (count_b, elevation_b)) = (seen[*a], seen[*b]);
             count_b.cmp(&count_a).then(elevation_b.total_cmp(&elevation_a))
@@ -66,9 +72,9 @@ impl Graph {
 pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combination> {
     let graph = Graph::of(links, usable);
     // The signed sum of links that determines the term of each antenna and satellite.
-    let mut antennas: Vec<Option<Combination>> = vec![None; graph.antennas];
-    let mut satellites: Vec<Option<Combination>> = vec![None; graph.satellites];
-    let mut in_tree = vec![false; graph.edges.len()];
+    let mut antennas: OfNodes<Option<Combination>> = smallvec![None; graph.antennas];
+    let mut satellites: OfNodes<Option<Combination>> = smallvec![None; graph.satellites];
+    let mut in_tree: OfLinks<bool> = smallvec![false; graph.edges.len()];
     for reference in graph.references(links) {
         if satellites[reference].is_none() {
             // One term of each connected part is free: the reference satellite's is zero.
@@ -177,7 +183,7 @@ fn collected(mut sum: Combination) -> Combination {
 #[must_use]
 pub fn own_links(combinations: &[Combination]) -> Vec<usize> {
     let last = combinations.iter().flatten().map(|(edge, _)| *edge).max().unwrap_or(0);
-    let mut uses = vec![0_usize; last + 1];
+    let mut uses: OfLinks<usize> = smallvec![0; last + 1];
     combinations.iter().flatten().for_each(|(edge, _)| uses[*edge] += 1);
     let own = |row: &Combination| {
         row.iter().find(|(edge, _)| uses[*edge] == 1).map_or(row[0].0, |(edge, _)| *edge)
@@ -214,7 +220,7 @@ pub fn add_common_cycles(covariance_m2: &mut DMatrix<f64>, rows: &[Combination],
 pub fn covariance(combinations: &[Combination], variance: impl Fn(usize) -> f64) -> DMatrix<f64> {
     let n = combinations.len();
     let last = combinations.iter().flatten().map(|(edge, _)| *edge).max().unwrap_or(0);
-    let mut weighted = vec![0.0; last + 1];
+    let mut weighted: OfLinks<f64> = smallvec![0.0; last + 1];
     let mut result = DMatrix::zeros(n, n);
     for i in 0..n {
         for (edge, sign) in &combinations[i] {

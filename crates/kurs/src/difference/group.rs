@@ -51,13 +51,17 @@ pub fn group(links: &mut Vec<Link>) -> Vec<Range<usize>> {
 
 /// The links by band, satellite, antenna and preference, the first one of each signal.
 fn sorted(links: &[Link]) -> Vec<&Link> {
-    let key = |(index, link): (usize, &Link)| {
+    // One number sorts faster than five fields.
+    let key = |index: usize, link: &Link| {
         let Link { signal, satellite, antenna, .. } = *link;
-        (signal.band, satellite, antenna, preference(signal.attribute), index)
+        let band = u64::from(signal.band.ordinal()) << 16 | u64::from(satellite.ordinal());
+        let code = u64::from(preference(signal.attribute));
+        u128::from(band << 32 | antenna as u64) << 64 | u128::from(code << 32 | index as u64)
     };
-    let mut keys: Vec<_> = links.iter().enumerate().map(key).collect();
-    keys.sort_unstable();
-    let mut sorted: Vec<&Link> = keys.iter().map(|(.., index)| &links[*index]).collect();
+    let mut keys: Vec<(u128, &Link)> =
+        links.iter().enumerate().map(|(index, link)| (key(index, link), link)).collect();
+    keys.sort_unstable_by_key(|(key, _)| *key);
+    let mut sorted: Vec<&Link> = keys.iter().map(|(_, link)| *link).collect();
     sorted.dedup_by_key(|link| (link.signal, link.satellite, link.antenna));
     sorted
 }
@@ -83,9 +87,9 @@ impl<'a> OfSatellite<'a> {
 
 /// Order of preference among tracking codes of one band: civil data and pilot components before
 /// combined ones before the codes that a civil receiver tracks without their key.
-fn preference(attribute: u8) -> usize {
+fn preference(attribute: u8) -> u8 {
     const ORDER: &[u8] = b"CQLIXDPSZBAWYMN";
-    ORDER.iter().position(|code| *code == attribute).unwrap_or(ORDER.len())
+    (0..).zip(ORDER).find(|(_, code)| **code == attribute).map_or(u8::MAX, |(place, _)| place)
 }
 
 /// The place of a code, a capital letter, in a set of codes.

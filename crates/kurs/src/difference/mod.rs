@@ -10,7 +10,7 @@ mod group;
 mod link;
 
 pub use double::{
-    Combination, add_common_cycles, combinations, covariance, equations, loops, own_links,
+    Combination, OfLinks, add_common_cycles, combinations, covariance, equations, loops, own_links,
 };
 pub use group::group;
 pub use link::{Antenna, Link, links};

@@ -107,7 +107,7 @@ fn squares(float: &FloatSolution, integers: &[i64], cost: f64) -> Squares {
     if takes_all_as_phase(float) {
         return Squares { code, phase: cost };
     }
-    let integers: Vec<f64> = integers.iter().map(|z| *z as f64).collect();
-    let displaced = float.code_excess_of(&integers).unwrap_or(0.0).min(cost);
+    let integers = integers.iter().map(|z| *z as f64);
+    let displaced = float.code_excess_of(integers).unwrap_or(0.0).min(cost);
     Squares { code: code + displaced, phase: cost - displaced }
 }

@@ -389,12 +389,13 @@ impl Residuals<'_> {
         let limit = MAX_SQUARE.sqrt();
         let keyed = |(link, z): &(usize, f64)| {
             let Link { antenna, satellite, .. } = self.links[*link];
-            ((antenna, satellite), z.clamp(-limit, limit))
+            let key = (antenna as u64) << 16 | u64::from(satellite.ordinal());
+            (key, *link, z.clamp(-limit, limit))
         };
         let mut sorted: Vec<_> = self.residuals.iter().map(keyed).collect();
-        sorted.sort_by_key(|(key, _)| *key);
-        let of_satellite = |residuals: &[((usize, Satellite), f64)]| {
-            let values = || residuals.iter().map(|(_, z)| z);
+        sorted.sort_unstable_by_key(|(key, link, _)| (*key, *link));
+        let of_satellite = |residuals: &[(u64, usize, f64)]| {
+            let values = || residuals.iter().map(|(.., z)| z);
             Together {
                 bands: residuals.len(),
                 sum: values().sum(),

@@ -5,7 +5,7 @@
 //! without ever forming it. With the rows `h = (gᵀ in the block of the antenna, 1 for its receiver, y)`, bordered by the
 //! observation, each satellite adds
 //!
-//! `M ← M + Σ w (h − h̄)(h − h̄)ᵀ`,   `h̄ = Σ w h / Σ w`,   `w = 1/σ²`,
+//! `M ← M + Σ w h hᵀ − s sᵀ / Σ w`,   `s = Σ w h`,   `w = 1/σ²`,
 //!
 //! in which `d` is gone. The elimination of each receiver `r`, `M ← M − m_r m_rᵀ / m_rr`, leaves of `M` the normal
 //! matrix, the right side and the sum of squares of the baselines, `[N b; bᵀ s]`.
@@ -13,13 +13,17 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
+use smallvec::{SmallVec, smallvec};
 
 use super::{Fit, NoFloat, normalise, well_conditioned_inverse};
-use crate::difference::{Combination, Link, combinations};
+use crate::difference::{Combination, Link, OfLinks, combinations};
 
 /// What remains of a receiver's diagonal after the others of its part of the graph are eliminated: nothing but
 /// rounding errors, as one term of each part is free.
 const NOTHING: f64 = 1e-12;
+
+/// One of each unknown: up to seven baselines stay on the stack.
+type Row = SmallVec<[f64; 32]>;
 
 /// The baselines that the code of an epoch gives.
 #[derive(Debug, Clone)]
@@ -57,7 +61,7 @@ impl Loops {
         let of_group = &links[group.clone()];
         let codes = combinations(of_group, |link| link.code_m.is_some());
         let alike = of_group.iter().all(|link| link.code_m.is_some() == link.phase_m.is_some());
-        let mut is_used = vec![false; of_group.len()];
+        let mut is_used: OfLinks<bool> = smallvec![false; of_group.len()];
         codes.iter().flatten().for_each(|(edge, _)| is_used[*edge] = true);
         let with_code = group.clone().filter(|link| is_used[link - group.start]).collect();
         Self {
@@ -92,15 +96,16 @@ impl Columns<'_> {
         self.0.iter().position(|rover| *rover == antenna).unwrap_or(self.0.len())
     }
 
-    /// `h`, over what was in it.
-    fn fill(self, h: &mut [f64], link: &Link, code_m: f64) {
-        h.fill(0.0);
+    /// What is not zero of `h`, and where.
+    fn row(self, link: &Link, code_m: f64) -> SmallVec<[(usize, f64); 5]> {
         let block = self.block(link.antenna);
+        let mut row = SmallVec::new();
         if block < self.0.len() {
-            h[3 * block..3 * block + 3].copy_from_slice(link.gradient.as_slice());
+            row.extend((0..3).map(|axis| (3 * block + axis, link.gradient[axis])));
         }
-        h[3 * self.0.len() + block] = 1.0;
-        h[self.observation()] = code_m;
+        row.push((3 * self.0.len() + block, 1.0));
+        row.push((self.observation(), code_m));
+        row
     }
 }
 
@@ -158,7 +163,7 @@ impl CodeFloat {
         let mut squares = 0.0;
         for matrix in &self.eliminated {
             self.normal += matrix.view((0, 0), (unknowns, unknowns));
-            self.right += matrix.view((y, 0), (1, unknowns)).transpose();
+            self.right.iter_mut().enumerate().for_each(|(i, right)| *right += matrix[(y, i)]);
             squares += matrix[(y, y)];
         }
         self.normal.fill_upper_triangle_with_lower_triangle();
@@ -202,8 +207,8 @@ impl CodeFloat {
         let columns = Columns(&self.rovers);
         let (receivers, y) = (columns.receivers(), columns.observation());
         // c_r = (m_ry − Σ m_rj z_j) / m_rr over the baselines and the receivers whose turn came later
-        let mut z = DVector::zeros(y);
-        z.rows_mut(0, receivers.start).copy_from(&self.correction_m);
+        let mut z: Row = SmallVec::from_slice(self.correction_m.as_slice());
+        z.resize(y, 0.0);
         for r in receivers.clone().rev().filter(|r| matrix[(*r, *r)] > 0.0) {
             let of_baselines = (0..receivers.start).map(|j| matrix[(r, j)] * z[j]);
             let of_later = (r + 1..receivers.end).map(|j| matrix[(j, r)] * z[j]);
@@ -245,8 +250,8 @@ impl Loops {
 }
 
 /// One code of each antenna, m: without them the clocks of receivers would drown what they have in common.
-fn origins(links: &[Link], loops: &Loops, columns: Columns) -> Vec<f64> {
-    let mut origins_m = vec![0.0; columns.receivers().len()];
+fn origins(links: &[Link], loops: &Loops, columns: Columns) -> Row {
+    let mut origins_m: Row = smallvec![0.0; columns.receivers().len()];
     for link in loops.with_code.iter().rev().map(|link| &links[*link]) {
         origins_m[columns.block(link.antenna)] = link.code_m.unwrap_or(0.0);
     }
@@ -258,40 +263,38 @@ fn eliminated(links: &[Link], loops: &Loops, columns: Columns) -> DMatrix<f64> {
     let size = columns.observation() + 1;
     let mut matrix = DMatrix::zeros(size, size);
     let origins_m = origins(links, loops, columns);
-    let (mut h, mut mean) = (vec![0.0; size], vec![0.0; size]);
+    let mut sum: Row = smallvec![0.0; size];
     for of_satellite in loops.of_satellites(links) {
-        let row = |h: &mut [f64], link: usize| {
-            let link = &links[link];
-            let origin_m = origins_m[columns.block(link.antenna)];
-            columns.fill(h, link, link.code_m.unwrap_or(0.0) - origin_m);
-            1.0 / link.variances.code_m2
-        };
-        mean.fill(0.0);
+        // One of its codes is taken from all of them: d may be hundreds of kilometres.
+        let code_m =
+            |link: &Link| link.code_m.unwrap_or(0.0) - origins_m[columns.block(link.antenna)];
+        let origin_m = of_satellite.first().map_or(0.0, |first| code_m(&links[*first]));
         let mut weights = 0.0;
-        for link in of_satellite {
-            let weight = row(&mut h, *link);
-            mean.iter_mut().zip(&h).for_each(|(mean, h)| *mean += weight * h);
+        sum.fill(0.0);
+        for link in of_satellite.iter().map(|link| &links[*link]) {
+            let weight = 1.0 / link.variances.code_m2;
+            let h = columns.row(link, code_m(link) - origin_m);
+            for (at, (j, of_j)) in h.iter().enumerate() {
+                let scaled = weight * of_j;
+                sum[*j] += scaled;
+                h[at..].iter().for_each(|(i, of_i)| matrix[(*i, *j)] += scaled * of_i);
+            }
             weights += weight;
         }
-        mean.iter_mut().for_each(|mean| *mean /= weights);
-        for link in of_satellite {
-            let weight = row(&mut h, *link);
-            h.iter_mut().zip(&mean).for_each(|(h, mean)| *h -= mean);
-            add_square(&mut matrix, weight, &h);
-        }
+        add_square(&mut matrix, -1.0 / weights, &sum);
     }
-    let whole = matrix.diagonal();
+    let whole: Row = (0..size).map(|i| matrix[(i, i)]).collect();
     for r in columns.receivers() {
         let pivot = matrix[(r, r)];
         if pivot.is_nan() || pivot <= NOTHING * whole[r] {
             matrix[(r, r)] = 0.0;
             continue;
         }
-        for (j, h) in h.iter_mut().enumerate() {
-            *h = if j < r { matrix[(r, j)] } else { matrix[(j, r)] };
+        for (j, m) in sum.iter_mut().enumerate() {
+            *m = if j < r { matrix[(r, j)] } else { matrix[(j, r)] };
         }
-        h[columns.receivers().start..=r].fill(0.0);
-        add_square(&mut matrix, -1.0 / pivot, &h);
+        sum[columns.receivers().start..=r].fill(0.0);
+        add_square(&mut matrix, -1.0 / pivot, &sum);
     }
     matrix
 }
