@@ -4,6 +4,8 @@
 use std::io::Write as _;
 use std::path::Path;
 
+use kurs::array::{AntennaArray, Shape};
+use kurs::frames::Vector;
 use kurs_sim::scenario::Imu;
 use kurs_sim::simulation::Simulation;
 
@@ -28,7 +30,13 @@ pub(super) fn write(
         }
         file.finish()?;
         if body.antenna.len() >= 2 {
-            let velocity_point_m = body.antenna[0].position_m;
+            let places = body.antenna.iter().map(|a| Vector::from_xyz(a.position_m.into()));
+            let shape = AntennaArray::new(places.collect()).map(|array| array.shape());
+            // Of a line the attitude tells no way from its first antenna to the origin.
+            let velocity_point_m = match shape {
+                Ok(Shape::Planar | Shape::Spatial) => [0.0; 3],
+                Ok(Shape::Collinear) | Err(_) => body.antenna[0].position_m,
+            };
             write_configuration(directory, imu, velocity_point_m, |word| of_body(word, index))?;
         }
     }

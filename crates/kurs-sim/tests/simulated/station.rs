@@ -6,10 +6,11 @@ use std::collections::VecDeque;
 
 use crate::solving::{self, angle_errors, ready, settings};
 use kurs::differential::Differential;
-use kurs::engine::{Constraint, Engine};
+use kurs::engine::{Constraint, Engine, Settings};
+use kurs::frames::{Ecef, Vector};
 use kurs::orientation::{self, AntennaFix, Method, Orienter, PositionEpoch};
 use kurs::solution::PositionOrigin;
-use kurs_sim::scenario::{Place, Scenario, Station};
+use kurs_sim::scenario::{MotionPlan, Place, Scenario, Station};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 
 /// Root of the mean square.
@@ -149,4 +150,64 @@ fn an_older_epoch_of_the_station_is_carried_to_the_row() {
             assert!(rms(&by_code) <= 1.0, "{}", rms(&by_code));
         }
     }
+}
+
+/// A rolling ship whose antennas are 25 m above its origin: the attitude's errors are in the covariance of the origin and of a
+/// point ahead of it, and the velocity is the origin's, not the mast's.
+#[test]
+fn the_origin_far_below_the_antennas() {
+    let mut scenario: Scenario = ready("ship");
+    (scenario.interval_s, scenario.duration_s) = (1.0, 300.0);
+    let MotionPlan::Ship { place, .. } = scenario.body[0].motion else { panic!("a ship") };
+    scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+    scenario.body[0].antenna.iter_mut().for_each(|antenna| antenna.position_m[2] -= 25.0);
+    let known = Settings {
+        points_m: vec![Vector::new(30.0, 0.0, 0.0)],
+        ..settings(&scenario, Constraint::Array)
+    };
+    let antenna_m = known.array.as_ref().unwrap().positions_m()[0];
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+    let mut engine = Differential::new(engine, Some(place.geodetic().to_ecef())).unwrap();
+    let (mut origins, mut ahead, mut mast_mps, mut origin_mps) = (vec![], vec![], vec![], vec![]);
+    let mut before: Option<(Vector<Ecef>, Vector<Ecef>)> = None;
+    let mut simulated = SimulatedEpoch::default();
+    while simulation.next_epoch(&mut simulated) {
+        let body = &mut simulated.bodies[0];
+        body.observed.station = simulated.station.take();
+        let truth = &body.truth;
+        let row = engine.push(&body.observed, None);
+        let ecef_from_ned = kurs::sky::Horizon::at(truth.position_m).ned_from_ecef().inverse();
+        let ecef_from_body = ecef_from_ned * truth.attitude.ned_from_body();
+        let mast_m = truth.position_m + ecef_from_body * antenna_m;
+        let turn_mps =
+            before.replace((truth.position_m, mast_m)).map(|(origin_m, mast_before_m)| {
+                (mast_m - mast_before_m) - (truth.position_m - origin_m)
+            });
+        let position = row.position.unwrap();
+        if !row.is_fixed() || position.origin != PositionOrigin::StationPhase {
+            continue;
+        }
+        let in_ned = |off: Vector<Ecef>| (ecef_from_ned.inverse() * off).xyz();
+        let off = in_ned(position.position_m - truth.position_m);
+        origins.push(solving::normalised_square(&off, &position.covariance_m2));
+        let point_m = truth.position_m + ecef_from_body * Vector::new(30.0, 0.0, 0.0);
+        let off = in_ned(row.points[0].geodetic.to_ecef() - point_m);
+        ahead.push(solving::normalised_square(&off, &row.points[0].covariance_m2));
+        if let Some(turn_mps) = turn_mps {
+            mast_mps.push(turn_mps.norm());
+            origin_mps.push((position.velocity_mps.unwrap() - truth.velocity_mps).norm());
+        }
+    }
+    let mean = |squares: &[f64]| squares.iter().sum::<f64>() / (3 * squares.len()) as f64;
+    let (origin, ahead) = (mean(&origins), mean(&ahead));
+    let (origin_mps, mast_mps) = (rms(&origin_mps), rms(&mast_mps));
+    println!(
+        "{} epochs: (error/σ)² of the origin {origin:.2}, ahead {ahead:.2}; velocity off by {origin_mps:.2} m/s, \
+         the mast moves against the origin with {mast_mps:.2} m/s",
+        origins.len()
+    );
+    assert!(origins.len() >= 280, "{}", origins.len());
+    assert!((0.3..1.5).contains(&origin) && (0.3..1.5).contains(&ahead), "{origin} {ahead}");
+    assert!(origin_mps < 0.5 * mast_mps, "{origin_mps} {mast_mps}");
 }

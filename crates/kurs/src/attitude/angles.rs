@@ -33,6 +33,31 @@ pub fn angles_from_rotation_vector(attitude: &Attitude) -> Matrix3<f64> {
     )
 }
 
+/// The small rotation `θ` in body axes that small changes of heading, pitch and roll are: the inverse of
+/// [`angles_from_rotation_vector`], finite at every attitude.
+///
+/// ```text
+/// θx = roll′ − heading′ sin p
+/// θy = pitch′ cos r + heading′ cos p sin r
+/// θz = heading′ cos p cos r − pitch′ sin r
+/// ```
+#[must_use]
+pub fn rotation_vector_from_angles(attitude: &Attitude) -> Matrix3<f64> {
+    let (sin_roll, cos_roll) = attitude.roll_rad.sin_cos();
+    let (sin_pitch, cos_pitch) = attitude.pitch_rad.sin_cos();
+    Matrix3::new(
+        -sin_pitch,
+        0.0,
+        1.0,
+        cos_pitch * sin_roll,
+        cos_roll,
+        0.0,
+        cos_pitch * cos_roll,
+        -sin_roll,
+        0.0,
+    )
+}
+
 /// Covariance of `(heading, pitch, roll)`, rad², from that of the rotation vector in body axes.
 #[must_use]
 pub fn angle_covariance(attitude: &Attitude, covariance_body_rad2: &Matrix3<f64>) -> Matrix3<f64> {
@@ -66,6 +91,16 @@ impl AttitudeEstimate {
             self.installation_rad2 = angle_covariance(&angles, installation_body_rad2);
         }
         self
+    }
+
+    /// Covariance of the rotation vector in body axes, rad²; zero where not all angles are known.
+    #[must_use]
+    pub fn turn_covariance_rad2(&self) -> Matrix3<f64> {
+        let of = |ned_from_body: &Rotation<Ned, Body>| {
+            let turn = rotation_vector_from_angles(&Attitude::from_ned_from_body(ned_from_body));
+            turn * self.covariance_rad2 * turn.transpose()
+        };
+        self.ned_from_body.as_ref().map_or_else(Matrix3::zeros, of)
     }
 
     /// Heading, pitch and roll, where they are known.
@@ -145,6 +180,8 @@ mod tests {
                 let difference = (turned(&attitude, theta) - turned(&attitude, -theta)) / 2e-5;
                 prop_assert!((difference - jacobian.column(axis)).norm() < 1e-7);
             }
+            let back = rotation_vector_from_angles(&attitude) * jacobian;
+            prop_assert!((back - Matrix3::identity()).norm() < 1e-9);
         }
 
         /// The formula for the relative error, against errors put in.

@@ -151,7 +151,7 @@ impl Estimator {
             .map(|oriented| self.accept(oriented));
         match judged {
             Ok(judged) => {
-                self.fill(&mut row, &judged);
+                self.fill(&mut row, &judged, &located);
                 self.remember(&row, judged);
             }
             Err(reason) => row.outcome = Outcome::Lost { reason },

@@ -15,6 +15,7 @@
 
 mod acceptance;
 mod array_misfit;
+mod body_velocity;
 mod code_free;
 mod difference;
 mod direction;

@@ -1,7 +1,7 @@
 //! The row of an epoch: what each antenna says by itself, then what the array says.
 
 use crate::ephemeris::NavigationData;
-use crate::frames::{Geodetic, Vector};
+use crate::frames::{Body, Geodetic, Vector, skew};
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::signal_residuals::{Solved, integer_sums, signal_residuals};
@@ -10,6 +10,7 @@ use crate::solution::{
     SignalReport,
 };
 
+use super::body_velocity::body_velocity;
 use super::estimator::{Estimator, Fixed, Judged};
 use super::locate::Located;
 use super::search::Found;
@@ -46,7 +47,7 @@ impl Estimator {
     }
 
     /// Adds what was found of the array.
-    pub(super) fn fill(&self, row: &mut EpochSolution, judged: &Judged) {
+    pub(super) fn fill(&self, row: &mut EpochSolution, judged: &Judged, located: &[Located]) {
         let fixed = &judged.oriented.fixed;
         let (epoch, fix) = (&fixed.epoch, &fixed.fix);
         let found = fix.found.as_ref().ok();
@@ -64,6 +65,19 @@ impl Estimator {
         });
         row.signals = self.settings.residuals.then(|| signal_report(fixed));
         place_body(row, &self.settings);
+        self.move_body(row, located);
+    }
+
+    /// Takes the velocity of the antenna to the body origin, once the attitude is known.
+    fn move_body(&self, row: &mut EpochSolution, located: &[Located]) {
+        let ned_from_body = row.outcome.attitude().and_then(|a| a.ned_from_body);
+        let (Some(array), Some(ned_from_body)) = (&self.settings.array, ned_from_body) else {
+            return;
+        };
+        let Some(position) = &mut row.position else { return };
+        let ecef_from_ned = position.geodetic.ecef_from_ned();
+        let velocity_mps = body_velocity(located, array, &(ecef_from_ned * ned_from_body));
+        position.velocity_mps = velocity_mps.map(|v| ecef_from_ned.inverse() * v);
     }
 }
 
@@ -86,22 +100,31 @@ fn signal_report(fixed: &Fixed) -> SignalReport {
 }
 
 /// Moves the position from its antenna to the body origin, and gives the wanted points, once the attitude is
-/// known: `G = A + Q (g − l)` (seed 004, equation 27).
+/// known: `G = A + Q (g − l)` (seed 004, equation 27). With `Q exp[φ×]` in the place of `Q` the covariance grows by
+/// `J P Jᵀ`, `J = −Q [(g − l)×]`, `P` that of `φ`.
 pub(crate) fn place_body(row: &mut EpochSolution, settings: &Settings) {
     let (Some(array), Some(position)) = (&settings.array, &mut row.position) else { return };
-    let ned_from_body = row.outcome.attitude().and_then(|a| a.ned_from_body);
-    let (Some(ned_from_body), Some(antenna)) = (ned_from_body, position.antenna) else { return };
+    let Some(attitude) = row.outcome.attitude() else { return };
+    let (Some(ned_from_body), Some(antenna)) = (attitude.ned_from_body, position.antenna) else {
+        return;
+    };
     let ecef_from_body = position.geodetic.ecef_from_ned() * ned_from_body;
     let (antenna, antenna_m) = (array.positions_m()[antenna], position.position_m);
     let at = |point| antenna_m + ecef_from_body * (point - antenna);
-    let covariance_m2 = position.covariance_m2;
+    let (of_antenna_m2, turn_rad2) = (position.covariance_m2, attitude.turn_covariance_rad2());
+    let covariance_at = |point: Vector<Body>| {
+        let by_turn = ned_from_body.matrix() * skew(&(point - antenna).xyz());
+        of_antenna_m2 + by_turn * turn_rad2 * by_turn.transpose()
+    };
+    let origin = Vector::new(0.0, 0.0, 0.0);
     let points = settings.points_m.iter().enumerate().map(|(index, point)| PointEstimate {
         index,
         geodetic: Geodetic::from_ecef(at(*point)),
-        covariance_m2,
+        covariance_m2: covariance_at(*point),
     });
     row.points = points.collect();
     position.antenna = None;
-    position.position_m = at(Vector::new(0.0, 0.0, 0.0));
+    position.position_m = at(origin);
+    position.covariance_m2 = covariance_at(origin);
     position.geodetic = Geodetic::from_ecef(position.position_m);
 }

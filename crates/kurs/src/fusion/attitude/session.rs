@@ -469,8 +469,10 @@ impl AttitudeSession {
                 },
             );
         let attitude = known.complete(pitch, roll, sd * sd, self.inflation(time_s))?;
+        let rate_radps = self.last_sample.and_then(|(_, sample)| sample.rate_radps);
+        let rate_radps = rate_radps.map_or_else(Vector3::zeros, |rate| rate.xyz());
         let velocity = self
-            .measured_velocity(row, &attitude.ned_from_body, &Vector3::zeros())
+            .measured_velocity(row, &attitude.ned_from_body, &rate_radps)
             .unwrap_or(UNKNOWN_VELOCITY);
         let inertial = self.settings.inertial;
         Some(AttitudeFilter::new(inertial, time_s, place, &attitude, &velocity))
