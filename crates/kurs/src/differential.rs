@@ -34,6 +34,24 @@ const COORDINATE_DOP: f64 = 3.0;
 /// Until this age, s, what the clocks run off (4.5 mm) is as small as the noise of a phase, and integers may be judged.
 const MAX_PHASE_AGE_S: f64 = 3.0;
 
+/// Coordinates relative to the station that are farther than this, m, from those of the antenna's own code are in the wrong
+/// place: errors of the antenna's code are in both, and what the station takes out, atmosphere and orbits, is some tens of
+/// metres at worst.
+const MAX_STATION_OFFSET_M: f64 = 50.0;
+
+/// What came of the station's epochs.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct StationUse {
+    /// Rows that had an epoch of the station.
+    pub epochs: usize,
+    /// Of these those whose coordinates are relative to it.
+    pub used: usize,
+    /// Of these those whose coordinates would have been in another place than the antenna's own code says.
+    pub apart: usize,
+    /// How far the last one of them was off, m.
+    pub offset_m: f64,
+}
+
 /// An engine, beside a fixed station if there is one: rows then have the coordinates relative to it.
 #[derive(Debug)]
 pub struct Differential {
@@ -53,6 +71,7 @@ struct StationChains {
     carried: Estimator,
     /// Station and antennas; keeps its buffers.
     epoch: ArrayEpoch,
+    used: StationUse,
 }
 
 impl Differential {
@@ -71,6 +90,12 @@ impl Differential {
     #[must_use]
     pub fn station_m(&self) -> Option<Vector<Ecef>> {
         self.station.as_ref().map(|station| station.position_m)
+    }
+
+    /// What came of the station's epochs so far.
+    #[must_use]
+    pub fn station_use(&self) -> StationUse {
+        self.station.as_ref().map_or_else(StationUse::default, |station| station.used)
     }
 
     /// Puts the station at another place (ECEF, m), as virtual stations do; what was known of its phases is forgotten.
@@ -123,11 +148,13 @@ impl StationChains {
             phase: estimator(2, settings.ambiguities)?,
             carried: estimator(2, Ambiguities::Instantaneous)?,
             epoch: ArrayEpoch::default(),
+            used: StationUse::default(),
         })
     }
 
     /// Gives the row the antennas' coordinates by code, and puts the coordinates of the antenna whose position it
-    /// has in the place of its own: by phase for the first one, if its integers are accepted, or else by code.
+    /// has in the place of its own: by phase for the first one, if its integers are accepted, or else by code. A station
+    /// that is not where it is said to be shows against the antenna's own code, and is not used.
     fn improve(
         &mut self,
         engine: &Engine,
@@ -173,13 +200,26 @@ impl StationChains {
             None => PositionOrigin::StationCode,
         };
         let best = first.or_else(|| row.by_code.first().copied());
-        if let (Some(position), Some(best)) = (&mut row.position, best) {
-            position.antenna = Some(best.index);
-            position.geodetic = best.geodetic;
-            position.position_m = best.geodetic.to_ecef();
-            position.covariance_m2 = best.covariance_m2;
-            position.origin = origin;
-            place_body(row, engine.settings());
+        self.used.epochs += 1;
+        let (own, own_points) = (row.position, row.points.clone());
+        let (Some(position), Some(best)) = (&mut row.position, best) else { return };
+        position.antenna = Some(best.index);
+        position.geodetic = best.geodetic;
+        position.position_m = best.geodetic.to_ecef();
+        position.covariance_m2 = best.covariance_m2;
+        position.origin = origin;
+        place_body(row, engine.settings());
+        let places_m = [own, row.position].map(|place| place.map(|place| place.position_m));
+        match places_m {
+            [Some(own_m), Some(relative_m)]
+                if (relative_m - own_m).norm() > MAX_STATION_OFFSET_M =>
+            {
+                self.used.apart += 1;
+                self.used.offset_m = (relative_m - own_m).norm();
+                (row.position, row.points) = (own, own_points);
+                row.by_code.clear();
+            }
+            _ => self.used.used += 1,
         }
     }
 

@@ -365,6 +365,25 @@ impl FloatSolution {
         self.code.residuals(links)
     }
 
+    /// Redundancy of the code of each group ([`CodeFloat::redundancies`]).
+    #[must_use]
+    pub fn code_redundancies(&self) -> Vec<(usize, f64)> {
+        self.code.redundancies()
+    }
+
+    /// What the residuals of each group's phases show of their squares once the integers are known, with the index of the
+    /// group's first link: `n − tr(Q_x|a A_Φᵀ Q_Φ⁻¹ A_Φ)`.
+    #[must_use]
+    pub fn phase_redundancies(&self) -> Vec<(usize, f64)> {
+        let Some(covariance_m2) = &self.conditional.covariance_m2 else { return Vec::new() };
+        let of_group = |phases: &Phases| {
+            let whitened = &phases.whitened_design;
+            let taken = (whitened * covariance_m2).dot(whitened);
+            (phases.first_link, (whitened.nrows() as f64 - taken).max(0.0))
+        };
+        self.phases.iter().map(of_group).collect()
+    }
+
     /// Normalised residuals of the links' phases with these integers and baselines, as
     /// [`CodeFloat::residuals`].
     pub fn phase_residuals(

@@ -1,4 +1,4 @@
-//! Epochs spread over the whole session, few enough to be solved many times.
+//! Runs of epochs spread over the whole session, few enough to be solved many times.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,6 +13,9 @@ use crate::solve::streams::Streams;
 /// Multiples of it, less their whole parts, fill the interval from 0 to 1 evenly, and so do those of every
 /// second, fifth or tenth multiple: a sample by it is in step with no receiver.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
+/// So many epochs that follow each other are taken together: an isolated fix of a weak model is unproven until one beside it
+/// agrees, and of each run one stays so.
+const RUN: u64 = 8;
 
 /// The sample, and what was seen of the rest.
 pub(crate) struct Sample {
@@ -89,7 +92,7 @@ impl Sample {
     }
 }
 
-/// Some of the epochs that it is given, spread evenly.
+/// Some of the epochs that it is given, in runs spread evenly.
 struct Spread {
     max_epochs: usize,
     given: u64,
@@ -122,9 +125,9 @@ impl Spread {
     }
 }
 
-/// Whether an epoch is among those that make up a share of all.
+/// Whether the run of an epoch is among those that make up a share of all.
 fn is_within(number: u64, share: f64) -> bool {
-    (number as f64 * GOLDEN_RATIO).fract() < share
+    ((number / RUN) as f64 * GOLDEN_RATIO).fract() < share
 }
 
 #[cfg(test)]

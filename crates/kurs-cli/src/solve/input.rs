@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::bail;
+use kurs::differential::StationUse;
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::observation::ArrayEpoch;
 use kurs::time::GpsTime;
@@ -124,6 +125,27 @@ pub(crate) fn misdated<'a>(
         Some(Damage { file: files.join(", "), line: 1, what: span.misdated()? })
     };
     loaded.config.antenna.iter().zip(spans).filter_map(of_antenna).collect()
+}
+
+/// What is wrong with the place of the station, as far as the coordinates relative to it show.
+pub(crate) fn station_trouble(loaded: &Loaded, station: StationUse) -> Option<Damage> {
+    let StationUse { epochs, used, apart, offset_m } = station;
+    let what = if apart > 0 {
+        format!(
+            "station.position_ecef_m: coordinates relative to it are {offset_m:.0} m from where the antennas' own code \
+             puts them, in {apart} of {epochs} epochs, which keep their own"
+        )
+    } else if used == 0 && epochs > 0 {
+        format!(
+            "station: none of its {epochs} epochs gave coordinates; is position_ecef_m where it stands, \
+             and does it see the antennas' satellites?"
+        )
+    } else {
+        return None;
+    };
+    let files = loaded.config.station.iter().flat_map(|station| &station.obs);
+    let files: Vec<String> = files.map(|path| named(&loaded.path(path))).collect();
+    Some(Damage { file: files.join(", "), line: 1, what })
 }
 
 /// Navigation data of all files, the logs among the observation files too; what was damaged in them.

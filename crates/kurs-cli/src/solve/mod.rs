@@ -251,6 +251,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     damage.extend(streams.late());
     damage.extend(input::misdated(loaded, &spans));
+    damage.extend(input::station_trouble(loaded, engine.station_use()));
     if summary.epochs() == 0 {
         bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
     }

@@ -17,7 +17,9 @@ use kurs::ephemeris::NavigationData;
 use kurs::float_solution::FloatSolution;
 use kurs::frames::{Geodetic, Vector};
 use kurs::point;
+use kurs::signal::{Satellite, System};
 use kurs::signal_residuals::integer_sums;
+use kurs::solution::Status;
 use kurs_sim::scenario::{MotionPlan, Scenario};
 use kurs_sim::simulation::{Attachments, SimulatedEpoch, Simulation};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -376,4 +378,54 @@ fn differences(
     }
     let groups = difference::group(&mut links);
     (links, groups)
+}
+
+/// Six satellites of GPS and two of Galileo: the terms of receivers and satellites take up nearly all that the two would show
+/// of their noise, and small residuals must not be taken for small errors.
+#[test]
+fn two_satellites_of_a_system_are_no_quiet_band() {
+    const EPOCHS: usize = 600;
+    for seed in 40..43 {
+        let mut scenario = roof(seed, EPOCHS);
+        scenario.start = format!("2024-03-10T{:02}:00:00", 2 * (seed - 40));
+        scenario.body[0].antenna.truncate(2);
+        let exact = Settings { array_sd_m: 0.0, ..settings(&scenario, Constraint::Length) };
+        let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+        let mut engine =
+            Engine::new(solving::continuous(exact), simulation.navigation().clone()).unwrap();
+        let mut epoch = SimulatedEpoch::default();
+        let mut kept: Vec<Satellite> = Vec::new();
+        let (mut squares, mut fixed, mut refused) = (0.0, 0, 0);
+        while simulation.next_epoch(&mut epoch) {
+            let body = &mut epoch.bodies[0];
+            if kept.is_empty() {
+                let seen = body.observed.antennas[0].iter().flat_map(|a| &a.observations);
+                // The highest are the strongest.
+                let mut seen: Vec<_> = seen.map(|o| (o.cn0_dbhz, o.satellite)).collect();
+                seen.sort_by(|a, b| b.partial_cmp(a).unwrap());
+                for (system, few) in [(System::Gps, 0..6), (System::Galileo, 1..3)] {
+                    let own = seen.iter().map(|(_, satellite)| *satellite);
+                    let own = own.filter(|satellite| satellite.system == system);
+                    kept.extend(own.skip(few.start).take(few.len()));
+                }
+            }
+            for antenna in body.observed.antennas.iter_mut().flatten() {
+                antenna.observations.retain(|o| kept.contains(&o.satellite));
+            }
+            let row = engine.push(&body.observed);
+            refused += usize::from(row.status() == Status::Inconsistent);
+            if row.is_fixed() {
+                fixed += 1;
+                let error = baseline_error(&body.truth, &row, 0).unwrap();
+                squares += normalised_square(&error, &row.baselines[0].covariance_m2);
+            }
+        }
+        let mean = squares / fixed as f64;
+        println!(
+            "seed {seed}: {fixed} fixed, {refused} refused, mean normalised square {mean:.2} of 3"
+        );
+        assert!(fixed >= 480 && refused == 0, "{fixed} fixed, {refused} refused");
+        // The levels that residuals teach are known to a few percent.
+        assert!((mean - 3.0).abs() < 1.5 * band(fixed), "{mean}");
+    }
 }

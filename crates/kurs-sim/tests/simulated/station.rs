@@ -211,3 +211,31 @@ fn the_origin_far_below_the_antennas() {
     assert!((0.3..1.5).contains(&origin) && (0.3..1.5).contains(&ahead), "{origin} {ahead}");
     assert!(origin_mps < 0.5 * mast_mps, "{origin_mps} {mast_mps}");
 }
+
+/// A station that stands a kilometre from where it is said to: rows keep the antennas' own coordinates.
+#[test]
+fn a_station_in_the_wrong_place_moves_nobody() {
+    let mut scenario: Scenario = ready("car");
+    (scenario.interval_s, scenario.duration_s) = (1.0, 20.0);
+    let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
+    scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+    let known = settings(&scenario, Constraint::Array);
+    let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
+    let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
+    let told_m = place.geodetic().to_ecef() + Vector::new(1000.0, 0.0, 0.0);
+    let mut engine = Differential::new(engine, Some(told_m)).unwrap();
+    let mut simulated = SimulatedEpoch::default();
+    let mut epochs = 0;
+    while simulation.next_epoch(&mut simulated) {
+        epochs += 1;
+        let body = &mut simulated.bodies[0];
+        body.observed.station = simulated.station.take();
+        let row = engine.push(&body.observed, None);
+        let position = row.position.unwrap();
+        assert_eq!((position.origin, row.by_code.len()), (PositionOrigin::Alone, 0));
+        assert!((position.position_m - body.truth.position_m).norm() < 20.0);
+    }
+    let station = engine.station_use();
+    assert_eq!((station.epochs, station.used, station.apart), (epochs, 0, epochs));
+    assert!((station.offset_m - 1000.0).abs() < 20.0, "{}", station.offset_m);
+}

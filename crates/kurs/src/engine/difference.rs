@@ -10,6 +10,7 @@ use crate::solution::{EpochSolution, Reason};
 use super::estimator::Estimator;
 use super::fix::Epoch;
 use super::locate::{CommonFrame, Located, select, shared_satellites};
+use super::noise_levels::Residuals;
 use super::settings::Ambiguities;
 
 /// Outliers of the code hide each other; after two rounds hardly any is left.
@@ -107,10 +108,14 @@ impl Estimator {
         let is_young = self.levels.is_young();
         self.weigh(links, groups);
         let (float, code_fit) = robust_float(links, groups, frame)?;
-        let degrees_of_freedom = float.code_fit.degrees_of_freedom;
-        let unknowns = float.correction_m.len();
-        let residuals = float.code_residuals(links);
-        self.levels.learn_code(links, &residuals, degrees_of_freedom, unknowns);
+        let residuals = Residuals {
+            links,
+            residuals: &float.code_residuals(links),
+            redundancies: &float.code_redundancies(),
+            degrees_of_freedom: float.code_fit.degrees_of_freedom,
+            baseline_unknowns: float.correction_m.len(),
+        };
+        self.levels.learn_code(&residuals);
         if !is_young {
             return Ok((float, code_fit));
         }

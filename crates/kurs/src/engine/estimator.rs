@@ -23,7 +23,7 @@ use super::array_misfit::ArrayMisfit;
 use super::direction::{Direction, Mirror};
 use super::fix::{Epoch, Fix};
 use super::locate::{Located, locate};
-use super::noise_levels::NoiseLevels;
+use super::noise_levels::{NoiseLevels, Residuals};
 use super::orientation::{self, KnownBody, Orientation};
 use super::predicted_attitude::PredictedBaselines;
 use super::search::{Problem, Searches};
@@ -300,10 +300,14 @@ impl Estimator {
             Some((found.integers.clone(), fix.conditional.clone()?))
         };
         let Some((integers, conditional)) = strong().or_else(proven) else { return };
-        let residuals = float.phase_residuals(links, &integers, &conditional.correction_m);
-        let degrees_of_freedom = conditional.phase_fit.degrees_of_freedom;
-        let unknowns = conditional.correction_m.len();
-        self.levels.learn_phase(links, &residuals, degrees_of_freedom, unknowns);
+        let residuals = Residuals {
+            links,
+            residuals: &float.phase_residuals(links, &integers, &conditional.correction_m),
+            redundancies: &float.phase_redundancies(),
+            degrees_of_freedom: conditional.phase_fit.degrees_of_freedom,
+            baseline_unknowns: conditional.correction_m.len(),
+        };
+        self.levels.learn_phase(&residuals);
     }
 
     fn orient(&self, fixed: Fixed) -> Oriented {

@@ -258,35 +258,16 @@ impl NoiseLevels {
         }
     }
 
-    /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply): normalised
-    /// residuals of links, which have `degrees_of_freedom` together.
-    pub(super) fn learn_code(
-        &mut self,
-        links: &[Link],
-        residuals: &[(usize, f64)],
-        degrees_of_freedom: usize,
-        baseline_unknowns: usize,
-    ) {
+    /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply).
+    pub(super) fn learn_code(&mut self, residuals: &Residuals) {
         let overall = self.code_factor();
-        self.code.slowness.learn(links, residuals, self.time.unwrap_or_default());
-        let weight = self.code.slowness.weight(self.elapsed_s);
-        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight };
-        epoch.teach(&mut self.code, overall);
+        residuals.teach(&mut self.code, overall, self.time.unwrap_or_default(), self.elapsed_s);
     }
 
     /// Learns from the phase residuals that integers leave which nothing else could have been.
-    pub(super) fn learn_phase(
-        &mut self,
-        links: &[Link],
-        residuals: &[(usize, f64)],
-        degrees_of_freedom: usize,
-        baseline_unknowns: usize,
-    ) {
+    pub(super) fn learn_phase(&mut self, residuals: &Residuals) {
         let overall = self.phase_factor();
-        self.phase.slowness.learn(links, residuals, self.time.unwrap_or_default());
-        let weight = self.phase.slowness.weight(self.elapsed_s);
-        let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight };
-        epoch.teach(&mut self.phase, overall);
+        residuals.teach(&mut self.phase, overall, self.time.unwrap_or_default(), self.elapsed_s);
     }
 }
 
@@ -298,56 +279,68 @@ pub(super) fn epoch_factor(
     degrees_of_freedom: usize,
     baseline_unknowns: usize,
 ) -> f64 {
-    let epoch = Residuals { links, residuals, degrees_of_freedom, baseline_unknowns, weight: 1.0 };
+    let redundancies = &[];
+    let epoch = Residuals { links, residuals, redundancies, degrees_of_freedom, baseline_unknowns };
     let fit = epoch.of_satellites();
     let degrees_of_freedom = EPOCH_PRIOR + fit.degrees_of_freedom as f64;
     ((EPOCH_PRIOR + fit.sum) / degrees_of_freedom).max(1.0)
 }
 
-/// Normalised residuals of an epoch's links, in the order of the links.
-struct Residuals<'a> {
-    links: &'a [Link],
-    residuals: &'a [(usize, f64)],
-    degrees_of_freedom: usize,
-    baseline_unknowns: usize,
-    weight: f64,
+/// Residuals of an epoch's links.
+pub(super) struct Residuals<'a> {
+    pub(super) links: &'a [Link],
+    /// Normalised to a mean square of 1 over all links, in the order of the links.
+    pub(super) residuals: &'a [(usize, f64)],
+    /// Of each group the index of its first link and its share of the degrees of freedom: a band with few satellites
+    /// has next to none, as its few errors are taken up by the terms of its receivers and satellites and by the baselines.
+    pub(super) redundancies: &'a [(usize, f64)],
+    /// Of all residuals together.
+    pub(super) degrees_of_freedom: usize,
+    pub(super) baseline_unknowns: usize,
 }
 
 impl Residuals<'_> {
-    /// Teaches a kind of observation whose level of all bands is `overall`.
-    fn teach(&self, kind: &mut Kind, overall: f64) {
+    /// Teaches a kind of observation whose level of all bands is `overall`: of each band the squares that its residuals
+    /// have, over those that they would have at the level in force.
+    fn teach(&self, kind: &mut Kind, overall: f64, time: GpsTime, elapsed_s: f64) {
+        kind.slowness.learn(self.links, self.residuals, time);
+        let weight = kind.slowness.weight(elapsed_s);
         let kappa = kind.common.kappa();
         let expected = |link: &Link| expected_square(link.bands, kappa);
-        // The unknowns take their share of every link.
-        let share =
-            self.weight * self.degrees_of_freedom as f64 / self.residuals.len().max(1) as f64;
+        // ê²/σ² = z² f/n
+        let shown = self.degrees_of_freedom as f64 / self.residuals.len().max(1) as f64;
         let mut epoch = Squares::default();
         let band_of = |residual: &(usize, f64)| self.links[residual.0].signal.band;
         for of_band in self.residuals.chunk_by(|a, b| band_of(a) == band_of(b)) {
             let band = band_of(&of_band[0]);
             let applied = kind.factor(band, overall);
-            let mut own = Squares::default();
+            let mut own = Squares { degrees_of_freedom: weight * self.redundancy(band), sum: 0.0 };
             for (link, z) in of_band {
                 let square = z.powi(2).min(MAX_SQUARE);
-                own.sum += share * applied * square / expected(&self.links[*link]);
-                own.degrees_of_freedom += share;
+                own.sum += weight * applied * shown * square / expected(&self.links[*link]);
             }
             epoch.sum += own.sum;
             epoch.degrees_of_freedom += own.degrees_of_freedom;
             kind.bands.entry(band).or_default().learn(own);
         }
         kind.all.learn(epoch);
-        kind.common.learn(self.common());
+        kind.common.learn(self.common(weight));
     }
 
-    /// What the bands of each satellite have in common.
-    fn common(&self) -> CommonShare {
+    /// Degrees of freedom of a band.
+    fn redundancy(&self, band: Band) -> f64 {
+        let is_own = |(first, _): &&(usize, f64)| self.links[*first].signal.band == band;
+        self.redundancies.iter().filter(is_own).map(|(_, redundancy)| redundancy).sum()
+    }
+
+    /// What the bands of each satellite have in common, of an epoch that counts with this weight.
+    fn common(&self, weight: f64) -> CommonShare {
         let satellites = self.by_satellite();
         let left = self.left(satellites.len());
         let mut share = CommonShare::default();
         for Together { bands, sum, squares } in satellites.into_iter().filter(|s| s.bands > 1) {
-            share.together += self.weight * (sum * sum / left - squares);
-            share.apart += self.weight * (bands - 1) as f64 * squares;
+            share.together += weight * (sum * sum / left - squares);
+            share.apart += weight * (bands - 1) as f64 * squares;
         }
         share
     }

@@ -196,6 +196,20 @@ impl CodeFloat {
         residuals
     }
 
+    /// What the residuals of each group's code show of their squares, with the index of the group's first link:
+    /// `n − tr(Q_x̂ N_g)`, `N_g` the group's part of `N`.
+    pub(super) fn redundancies(&self) -> Vec<(usize, f64)> {
+        let unknowns = self.correction_m.len();
+        let of_group = |(loops, matrix): (&Loops, &DMatrix<f64>)| {
+            // Of N_g the lower triangle is there.
+            let below = |i: usize, j: usize| self.covariance_m2[(i, j)] * matrix[(i, j)];
+            let of_row = |i: usize| below(i, i) + 2.0 * (0..i).map(|j| below(i, j)).sum::<f64>();
+            let taken: f64 = (0..unknowns).map(of_row).sum();
+            (loops.group.start, (loops.codes as f64 - taken).max(0.0))
+        };
+        self.loops.iter().zip(&self.eliminated).map(of_group).collect()
+    }
+
     /// Appends `ê/σ²` of the links of one group.
     fn append_residuals(
         &self,
