@@ -33,12 +33,18 @@ pub(crate) fn named(path: &Path) -> String {
     told(&path.display().to_string())
 }
 
+/// The folder from which the paths in a file start: that of the file, of a pipe the working folder.
+pub(crate) fn folder_of(path: &Path) -> PathBuf {
+    let is_copy = names().iter().any(|(copy, _)| Path::new(copy) == path);
+    let folder = path.parent().filter(|_| !is_copy);
+    folder.map_or_else(PathBuf::new, Path::to_path_buf)
+}
+
 /// A file that can be read again and again: the one that was given, or the copy of what came through a
 /// pipe, which lives as long as this.
 #[derive(Debug, Clone)]
 pub(crate) struct InputFile {
     path: PathBuf,
-    #[allow(dead_code)] // removes the copy when it is dropped
     copy: Option<Arc<Temporary>>,
 }
 
@@ -61,6 +67,11 @@ impl InputFile {
     /// All of them.
     pub(crate) fn open_all(paths: &[PathBuf]) -> anyhow::Result<Vec<Self>> {
         paths.iter().map(|path| Self::open(path)).collect()
+    }
+
+    /// Whether it is a copy of a pipe.
+    pub(crate) const fn is_copy(&self) -> bool {
+        self.copy.is_some()
     }
 
     /// Where it can be read.
@@ -91,6 +102,7 @@ mod tests {
         let file = copy(&mut &b"observations"[..], "pipe", "/dev/fd/63").unwrap();
         let path = file.path().to_owned();
         assert_eq!(told(&format!("{}:7: cut", path.display())), "/dev/fd/63:7: cut");
+        assert_eq!(folder_of(&path), Path::new(""));
         assert_eq!(fs::read_to_string(&path).unwrap(), "observations");
         let other = file.clone();
         drop(file);

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::failure::UsageError;
+use crate::pipe::{self, InputFile};
+use crate::text_file::TextFile;
 
 /// Columns besides `obs:ANTENNA`.
 const COLUMNS: [&str; 5] = ["label", "config", "files", "nav", "set"];
@@ -34,35 +36,36 @@ impl Manifest {
     /// # Errors
     ///
     /// [`UsageError`] with the line: unknown columns, a label that is empty or there twice, no files.
-    pub(super) fn read(path: &Path) -> Result<Self, UsageError> {
+    pub(super) fn read(path: &Path) -> anyhow::Result<Self> {
+        let file = InputFile::open(path)?;
+        let path = file.path();
         let wrong = |error: csv::Error| UsageError(format!("{}: {error}", path.display()));
         let mut reader = csv::ReaderBuilder::new()
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_path(path)
-            .map_err(wrong)?;
+            .from_reader(TextFile::open(path).map_err(|error| UsageError(format!("{error:#}")))?);
         let columns = reader.headers().map_err(wrong)?.clone();
         check_columns(path, &columns)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = pipe::folder_of(path);
         let (mut entries, mut labels) = (Vec::new(), BTreeSet::new());
         for record in reader.records() {
             let record = record.map_err(wrong)?;
             let line = record.position().map_or(0, csv::Position::line);
             let at = |what: String| UsageError(format!("{}:{line}: {what}", path.display()));
-            let entry = entry(&columns, &record, folder);
+            let entry = entry(&columns, &record, &folder);
             if entry.label.is_empty() {
-                return Err(at("`label` is empty".into()));
+                return Err(at("`label` is empty".into()).into());
             }
             if entry.files.is_empty() {
-                return Err(at("give `config` or `files`".into()));
+                return Err(at("give `config` or `files`".into()).into());
             }
             if !labels.insert(entry.label.clone()) {
-                return Err(at(format!("label `{}` is there twice", entry.label)));
+                return Err(at(format!("label `{}` is there twice", entry.label)).into());
             }
             entries.push(entry);
         }
         if entries.is_empty() {
-            return Err(UsageError(format!("{}: no sessions", path.display())));
+            return Err(UsageError(format!("{}: no sessions", path.display())).into());
         }
         Ok(Self { entries })
     }
@@ -114,7 +117,7 @@ mod tests {
         let path = folder.path().join("m.csv");
         std::fs::write(&path, text).unwrap();
         let place = folder.path().display().to_string() + "/";
-        Manifest::read(&path).map_err(|UsageError(text)| text.replace(&place, ""))
+        Manifest::read(&path).map_err(|error| error.to_string().replace(&place, ""))
     }
 
     #[test]

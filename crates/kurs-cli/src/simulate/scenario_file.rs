@@ -1,7 +1,6 @@
 //! Scenario files, the built-in ones too, and the files that they refer to.
 
-use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use kurs::ephemeris::NavigationData;
@@ -13,6 +12,8 @@ use serde::Deserialize;
 
 use crate::config_file;
 use crate::failure::UsageError;
+use crate::pipe::{self, InputFile, STANDARD_INPUT};
+use crate::text_file::TextFile;
 
 /// Scenarios that the program carries.
 const BUILT_IN: [(&str, &str); 11] = [
@@ -34,9 +35,12 @@ const BUILT_IN: [(&str, &str); 11] = [
 pub(crate) fn load(path: &Path, set: &[String]) -> anyhow::Result<(Scenario, Attachments)> {
     let name = path.to_string_lossy();
     let built_in = BUILT_IN.iter().find(|(known, _)| *known == name);
-    let scenario: Scenario = match built_in {
-        Some((_, text)) if !path.is_file() => config_file::parse_with(text, &name, set, "")?,
-        _ if path.is_file() => config_file::read_with(path, set, "")?,
+    // A folder may have the name of a built-in one.
+    let is_there = (path.exists() && !path.is_dir()) || name == STANDARD_INPUT;
+    let file = is_there.then(|| InputFile::open(path)).transpose()?;
+    let scenario: Scenario = match (built_in, &file) {
+        (_, Some(file)) => config_file::read_with(file.path(), set, "")?,
+        (Some((_, text)), None) => config_file::parse_with(text, &name, set, "")?,
         _ => {
             let known: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
             let known = known.join(", ");
@@ -44,8 +48,8 @@ pub(crate) fn load(path: &Path, set: &[String]) -> anyhow::Result<(Scenario, Att
             return Err(UsageError(text).into());
         }
     };
-    let folder = path.parent().unwrap_or_else(|| Path::new(""));
-    let attachments = attachments(&scenario, folder)?;
+    let folder = file.map_or_else(PathBuf::new, |file| pipe::folder_of(file.path()));
+    let attachments = attachments(&scenario, &folder)?;
     Ok((scenario, attachments))
 }
 
@@ -80,7 +84,7 @@ struct Row {
 }
 
 fn recorded(path: &Path) -> anyhow::Result<Vec<RecordedPose>> {
-    let file = File::open(path).with_context(|| path.display().to_string())?;
+    let file = TextFile::open(path)?;
     let mut poses = Vec::new();
     for row in csv::Reader::from_reader(file).deserialize() {
         let row: Row = row.with_context(|| path.display().to_string())?;

@@ -1,6 +1,5 @@
 //! Measurements from CSV files with units in the column names, and from Tracking Data Messages.
 
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -9,6 +8,7 @@ use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs_formats::tdm::{self, Observable, TimeSystem};
 
 use super::config::{Config, TwoWayRange};
+use crate::text_file;
 
 /// One measurement with its instant.
 #[derive(Debug, Clone, Copy)]
@@ -22,8 +22,7 @@ pub(super) fn read(config: &Config, folder: &Path) -> anyhow::Result<Vec<Observa
     let mut observations = Vec::new();
     for file in &config.track.files {
         let path = folder.join(file);
-        let text = fs::read_to_string(&path)
-            .with_context(|| format!("{}: cannot be read", path.display()))?;
+        let text = text_file::text(&path)?;
         let name = path.display().to_string();
         let read = if tdm::looks_like(&text) {
             from_tdm(config, &name, &text)

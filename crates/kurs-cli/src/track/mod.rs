@@ -24,6 +24,7 @@ use self::path::{PathFound, Status};
 use self::simulate::TruePoint;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFolder};
+use crate::pipe::{self, InputFile};
 use crate::window::Window;
 
 /// Trajectory of a moving object from angles, ranges, range differences and direction cosines that
@@ -79,7 +80,8 @@ const OUTPUTS: &[&str] = &[
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.window.check()?;
-    let config = Config::read(&args.config, &args.set)?;
+    let file = InputFile::open(&args.config)?;
+    let config = Config::read(file.path(), &args.set)?;
     let stations = config.stations()?;
     let simulate = match (&config.simulate, args.simulate) {
         (Some(simulate), true) => Some(simulate),
@@ -88,7 +90,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         (_, false) => None,
     };
-    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let folder = &pipe::folder_of(file.path());
 
     let truth = simulate.map(|simulate| simulate::truth(&config, simulate)).transpose()?;
     let mut observations = match (simulate, &truth) {
@@ -135,9 +137,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::write_json(outputs.path(), "summary.json", &counts)?;
     outputs.publish()?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&counts)?);
+        output::print_json(&counts)?;
     } else if !args.quiet {
-        println!("{told}written to {}", args.out.display());
+        output::print(format_args!("{told}written to {}\n", args.out.display()))?;
     }
     let all_lost = found.points.iter().all(|point| point.status == Status::Lost);
     Ok(ExitCode::from(u8::from(all_lost)))
