@@ -1,11 +1,14 @@
 //! TOML configuration files: strict about keys, and an error names file, line and nearest key.
 
-use std::fs;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use crate::failure::UsageError;
+use crate::text_file;
 
 /// Reads a configuration file into `T`, whose structs are marked `deny_unknown_fields`.
 ///
@@ -18,8 +21,7 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, UsageError> {
 
 /// The text of a configuration file.
 pub(crate) fn text(path: &Path) -> Result<String, UsageError> {
-    fs::read_to_string(path)
-        .map_err(|error| UsageError(format!("{}: cannot be read: {error}", path.display())))
+    text_file::text(path).map_err(|error| UsageError(format!("{error:#}")))
 }
 
 /// As [`read`], with the values of `--set`: `table.key=value`, or `key=value` of the table `usual`.
@@ -106,12 +108,86 @@ fn parse_value(text: &str) -> toml::Value {
 
 /// As [`read`], for text that is already in memory; `name` stands for the file in errors.
 pub(crate) fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, UsageError> {
-    toml::from_str(text).map_err(|error| {
-        let start = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = text.as_bytes()[..start].iter().filter(|byte| **byte == b'\n').count() + 1;
+    let refused = |error: toml::de::Error| {
+        let line = line_at(text, error.span().map_or(0, |span| span.start));
         let found = text.lines().nth(line - 1).unwrap_or_default();
         UsageError(format!("{name}:{line}: {}", explain(error.message(), found)))
-    })
+    };
+    let read = toml::from_str(text).map_err(refused)?;
+    // Of an array that is too long this reader takes the beginning; that of tables refuses it.
+    let mut table: toml::Table = toml::from_str(text).map_err(refused)?;
+    leave_dates_out(&mut table);
+    match T::deserialize(table) {
+        Err(error) if error.message().starts_with("invalid length") => {
+            Err(UsageError(format!("{name}:{}", too_long(&error.to_string(), text))))
+        }
+        _ => Ok(read),
+    }
+}
+
+/// The reader of tables takes no dates.
+fn leave_dates_out(table: &mut toml::Table) {
+    table.retain(|_, value| !value.is_datetime());
+    for (_, value) in table.iter_mut() {
+        match value {
+            toml::Value::Table(inner) => leave_dates_out(inner),
+            toml::Value::Array(items) => {
+                items.iter_mut().filter_map(toml::Value::as_table_mut).for_each(leave_dates_out);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Refuses a number of a key that is out of range, or none.
+pub(crate) fn check_range(
+    key: &str,
+    found: f64,
+    range: RangeInclusive<f64>,
+) -> Result<(), UsageError> {
+    if range.contains(&found) {
+        return Ok(());
+    }
+    let (least, most) = range.into_inner();
+    Err(UsageError(format!("{key} is {found}, expected {least} to {most}")))
+}
+
+/// The line in which a byte stands, from 1.
+pub(crate) fn line_at(text: &str, byte: usize) -> usize {
+    let before = &text.as_bytes()[..byte.min(text.len())];
+    before.iter().filter(|byte| **byte == b'\n').count() + 1
+}
+
+/// Line and words for an array with more values than its key takes; the message has the key in ticks.
+fn too_long(message: &str, text: &str) -> String {
+    let key = message.split('`').nth(1).unwrap_or_default();
+    let keys: Vec<&str> = key.split('.').collect();
+    let table = DeTable::parse(text).ok();
+    let longest = table.and_then(|table| {
+        let start = table.span().start;
+        longest_array(&Spanned::new(start..start, DeValue::Table(table.into_inner())), &keys)
+    });
+    let (values, byte) = longest.unwrap_or_default();
+    format!(
+        "{}: `{key}` has {values} values, which is too many: decimals are written with a point",
+        line_at(text, byte)
+    )
+}
+
+/// Number of values and place of the longest array under the keys.
+fn longest_array(value: &Spanned<DeValue<'_>>, keys: &[&str]) -> Option<(usize, usize)> {
+    match value.get_ref() {
+        DeValue::Table(table) => {
+            let (key, inner) = keys.split_first()?;
+            let (_, value) = table.iter().find(|(name, _)| name.get_ref() == key)?;
+            longest_array(value, inner)
+        }
+        DeValue::Array(items) => {
+            let own = keys.is_empty().then(|| (items.len(), value.span().start));
+            items.iter().filter_map(|item| longest_array(item, keys)).chain(own).max()
+        }
+        _ => None,
+    }
 }
 
 /// Turns serde's message into one that names the key, and for an unknown key or word the nearest known
@@ -166,5 +242,32 @@ mod tests {
         let error = parse::<Example>(text, "a.toml").unwrap_err().to_string();
         assert!(error.starts_with("a.toml:2: invalid type: string \"ten\""), "{error}");
         assert!(error.ends_with("(key `elevation_mask_deg`)"), "{error}");
+    }
+
+    #[derive(Debug, serde::Deserialize)]
+    struct Places {
+        #[allow(dead_code)] // only how many values it takes matters here
+        antenna: Vec<Place>,
+        #[allow(dead_code)]
+        a_day: Option<toml::value::Datetime>,
+    }
+
+    #[derive(Debug, serde::Deserialize)]
+    struct Place {
+        #[allow(dead_code)]
+        position_m: [f64; 3],
+    }
+
+    #[test]
+    fn decimal_commas_are_refused_with_their_line() {
+        let text = "a_day = 2024-05-01\n[[antenna]]\nposition_m = [0, 0, 0]\n\
+                    [[antenna]]\nposition_m = [-6,0, -2,0, 0,1]\n";
+        let error = parse::<Places>(text, "a.toml").unwrap_err().to_string();
+        let expected = "a.toml:5: `antenna.position_m` has 6 values, which is too many: decimals are \
+                        written with a point";
+        assert_eq!(error, expected);
+        let table = toml::from_str(text).unwrap();
+        assert!(typed::<Places>(&table).unwrap_err().starts_with("`antenna.position_m` has 6"));
+        assert!(parse::<Places>("a_day = 2024-05-01\nantenna = []\n", "a.toml").is_ok());
     }
 }

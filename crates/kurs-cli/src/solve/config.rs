@@ -3,10 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use kurs::array::AntennaArray;
+use kurs::array::{AntennaArray, MAX_SEPARATION_M};
 use kurs::engine::{Ambiguities, Constraint, Direction, Settings};
 use kurs::float_solution::recursive::Motion;
-use kurs::frames::Vector;
+use kurs::frames::{Body, Vector};
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use kurs::time::{Calendar, GpsTime};
@@ -23,6 +23,7 @@ use crate::config_file;
 use crate::failure::UsageError;
 use crate::fuse::antennas::config::{AntennasConfig, FilterConfig};
 use crate::fuse::imu::ImuConfig;
+use crate::pipe;
 use crate::window::Window;
 
 /// The configuration as written.
@@ -222,6 +223,21 @@ impl StationTable {
 pub(crate) struct PointTable {
     pub(crate) name: String,
     pub(crate) position_m: [f64; 3],
+}
+
+impl PointTable {
+    /// Refuses a place that no body reaches.
+    pub(crate) fn check(&self) -> Result<(), UsageError> {
+        let [x, y, z] = self.position_m;
+        if Vector::<Body>::new(x, y, z).norm() <= MAX_SEPARATION_M {
+            return Ok(());
+        }
+        Err(UsageError(format!(
+            "point `{}`: `position_m` is [{x}, {y}, {z}], expected metres on the body, at most {MAX_SEPARATION_M} \
+             from its origin",
+            self.name
+        )))
+    }
 }
 
 /// The service of `kurs live`.
@@ -458,7 +474,7 @@ pub(crate) fn load(file: Option<&Path>, overrides: &Overrides<'_>) -> Result<Loa
         // Read once into the typed form, for messages with line numbers.
         let _: Config = config_file::parse(&text, &name)?;
         table = config_file::parse(&text, &name)?;
-        folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        folder = pipe::folder_of(path);
         origins.of_file(&text, &name);
     }
     let mut antennas = Vec::new();
@@ -762,6 +778,7 @@ impl Loaded {
                 _ => {}
             }
         }
+        point.iter().try_for_each(PointTable::check)?;
         let positions = antenna.iter().filter(|a| a.position_m.is_some()).count();
         if positions != 0 && positions != antenna.len() {
             let without: Vec<_> = antenna

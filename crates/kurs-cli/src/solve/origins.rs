@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use toml::de::{DeTable, DeValue};
 
+use crate::config_file;
+
 /// Origins by the key's place: `solve.bands`, `antenna.0.obs`.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Origins(BTreeMap<String, String>);
@@ -29,8 +31,7 @@ impl Origins {
                     }
                 }
                 _ => {
-                    let before = &text.as_bytes()[..key.span().start.min(text.len())];
-                    let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
+                    let line = config_file::line_at(text, key.span().start);
                     self.0.insert(place, format!("{name}:{line}"));
                 }
             }

@@ -312,6 +312,18 @@ fn a_configuration_file_names_its_lines() {
         ),
         ("[nav]\nfiles = \"good.nav\"\n", "kurs.toml:8: invalid type"),
         ("[solve\n", "kurs.toml:7:"),
+        (
+            "position_m = [-6,0, -2,0, 0,1]\n",
+            "kurs.toml:7: `antenna.position_m` has 6 values, which is too many",
+        ),
+        (
+            "[[point]]\nname = \"P\"\nposition_m = [1e9, 0, 0]\n",
+            "point `P`: `position_m` is [1000000000, 0, 0], expected metres on the body",
+        ),
+        (
+            "[[point]]\nname = \"P\"\nposition_m = [nan, 0, 0]\n",
+            "point `P`: `position_m` is [NaN, 0, 0], expected metres on the body",
+        ),
         ("", "no navigation file"),
     ] {
         folder.write("kurs.toml", format!("{antennas}{more}"));
