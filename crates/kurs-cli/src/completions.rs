@@ -1,14 +1,14 @@
 //! `kurs completions` and `kurs man`: what shells and the manual know of the command line, from the command
 //! line itself.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use clap::CommandFactory;
 
 use crate::Cli;
 use crate::failure::ExitCode;
-use crate::output::OutputFolder;
+use crate::output::{self, OutputFolder};
 
 /// Prints the completions of a shell.
 ///
@@ -35,7 +35,7 @@ pub(crate) struct ManArgs {
 pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "kurs", &mut script);
-    std::io::stdout().lock().write_all(&script)?;
+    output::print(String::from_utf8_lossy(&script))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -43,11 +43,12 @@ pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<ExitCode> {
 pub(crate) fn man(args: &ManArgs) -> anyhow::Result<ExitCode> {
     let folder = OutputFolder::begin(&args.out, &["kurs.1", "kurs-*.1"], &[])?;
     let program = Cli::command().disable_help_subcommand(true);
-    clap_mangen::generate_to(program, folder.path())?;
+    clap_mangen::generate_to(program, folder.path())
+        .with_context(|| format!("{}: cannot be written", args.out.display()))?;
     let pages = std::fs::read_dir(folder.path())?.count();
     folder.publish()?;
     if !args.quiet {
-        println!("{pages} pages written to {}", args.out.display());
+        output::print(format_args!("{pages} pages written to {}\n", args.out.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

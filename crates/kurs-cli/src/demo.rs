@@ -9,7 +9,7 @@ use anyhow::Context;
 
 use crate::failure::ExitCode;
 use crate::simulate::LiveScenario;
-use crate::{live, simulate, solve};
+use crate::{live, output, simulate, solve};
 
 /// Simulates a car with four antennas, solves it, compares with the truth and writes the report.
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let code =
         solve::run(&solve::Args::of_simulation(configuration, truth, out.clone(), *json, *quiet))?;
     if !quiet && !json {
-        println!("\nopen {}", out.join("report.html").display());
+        output::print(format_args!("\nopen {}\n", out.join("report.html").display()))?;
     }
     Ok(code)
 }
@@ -60,7 +60,9 @@ fn run_live(args: &Args) -> anyhow::Result<ExitCode> {
         .and_then(|()| fs::write(&file, text))
         .with_context(|| format!("{}: cannot be written", file.display()))?;
     if !args.quiet {
-        println!("JSON lines at 127.0.0.1:{lines}, page at http://127.0.0.1:{page}/");
+        output::print(format_args!(
+            "JSON lines at 127.0.0.1:{lines}, page at http://127.0.0.1:{page}/\n"
+        ))?;
     }
     let sending = thread::spawn(move || scenario.send());
     let live = live::Args::of_demonstration(file, args.out.join("live"), args.quiet);

@@ -11,9 +11,10 @@ use kurs::time::GpsTime;
 use kurs_formats::logs::{LogOptions, LogPart};
 use kurs_formats::observations::ObservationSource;
 
+use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
-use crate::output::OutputFile;
-use crate::pipe::InputFile;
+use crate::output::{self, OutputFile};
+use crate::pipe::{self, InputFile};
 use crate::solve::found_files::{FoundAntenna, FoundFiles};
 
 /// Epochs of each antenna that are looked at.
@@ -52,17 +53,23 @@ struct Seen {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let is_printed = args.out.as_os_str() == "-";
+    let is_printed = output::is_standard_output(&args.out);
     let target = args.out.join(CONFIGURATION);
     if !is_printed && target.exists() && !args.force {
         let text = "is there already: --force replaces it, --out DIR writes another";
         return Err(UsageError(format!("{}: {text}", target.display())).into());
     }
     let files = InputFile::open_all(&args.files)?;
+    if let Some(pipe) = files.iter().find(|file| file.is_copy()) {
+        let text = "a pipe is gone when the configuration is read, expected a file";
+        return Err(UsageError(format!("{}: {text}", pipe::named(pipe.path()))).into());
+    }
     let found = FoundFiles::sort(&files, &[], 0)?;
-    if let Some(configuration) = &found.configuration {
-        let text = "is a configuration already, expected observations and navigation data";
-        return Err(UsageError(format!("{}: {text}", configuration.display())).into());
+    if let Some(text) = &found.configuration {
+        let is_one = config_file::read::<toml::Table>(text).is_ok();
+        let found = if is_one { "is a configuration already" } else { "is some other text" };
+        let expected = "expected observations and navigation data";
+        return Err(UsageError(format!("{}: {found}, {expected}", text.display())).into());
     }
     if found.antennas.is_empty() {
         return Err(UsageError(format!("no observations among the files; found {found}")).into());
@@ -70,14 +77,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let seen = found.antennas.iter().map(look).collect::<anyhow::Result<Vec<Seen>>>()?;
     let text = text(&found, &seen, &args.out)?;
     if is_printed {
-        print!("{text}");
+        output::print(text)?;
         return Ok(ExitCode::SUCCESS);
     }
     let mut file = OutputFile::create(&args.out, CONFIGURATION)?;
     file.write_all(text.as_bytes())?;
     file.finish()?;
     if !args.quiet {
-        println!("written to {0}\nnext: kurs solve {0}", target.display());
+        let target = target.display();
+        output::print(format_args!("written to {target}\nnext: kurs solve {target}\n"))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -207,7 +215,7 @@ fn names(bands: &BTreeSet<Band>) -> Vec<String> {
 
 /// Paths as TOML: relative where they are inside the configuration's folder (a printed one's is this).
 fn list(files: &[PathBuf], out: &Path) -> toml::Value {
-    let out = if out.as_os_str() == "-" { Path::new(".") } else { out };
+    let out = if output::is_standard_output(out) { Path::new(".") } else { out };
     let folder = std::path::absolute(out).unwrap_or_default();
     let of = |file: &PathBuf| {
         let whole = std::path::absolute(file).unwrap_or_else(|_| file.clone());

@@ -2,8 +2,6 @@
 //! and what they share: configuration files (`config_file`), outputs that are never half written (`output`) and exit
 //! statuses (`failure`).
 
-#![allow(clippy::print_stdout)] // results go to standard output, messages to standard error
-
 mod batch;
 mod calibrate;
 mod chart;
@@ -39,6 +37,7 @@ mod summary;
 mod survey;
 mod table;
 mod tables;
+mod text_file;
 mod track;
 mod truth;
 mod unobserved_bands;
@@ -46,7 +45,8 @@ mod window;
 
 use std::ffi::OsString;
 
-use clap::Parser;
+use anyhow::Context as _;
+use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 
 use failure::ExitCode;
 
@@ -84,15 +84,42 @@ enum Command {
 /// Results go to standard output and to files, messages to standard error.
 pub fn run(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
     interrupt::catch();
-    let cli = match Cli::try_parse_from(arguments) {
+    let cli = match Cli::read(arguments) {
         Ok(cli) => cli,
-        // Also `--help` and `--version`, which are no failures.
-        Err(told) => {
-            let _ = told.print();
-            return u8::try_from(told.exit_code()).unwrap_or(2);
+        Err(wrong) if wrong.use_stderr() => {
+            let _ = wrong.print();
+            return u8::try_from(wrong.exit_code()).unwrap_or(2);
+        }
+        // `--help` and `--version`, which are no failures.
+        Err(help) => {
+            let printed = help.print().context(output::UNPRINTED);
+            return failure::exit_code(printed.map(|()| ExitCode::SUCCESS)).number();
         }
     };
     failure::exit_code(cli.command.run()).number()
+}
+
+impl Cli {
+    /// Reads a command line, of which the first word is the program's name.
+    fn read(
+        arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
+    ) -> clap::error::Result<Self> {
+        let command = with_negative_numbers(Self::command());
+        Self::from_arg_matches(&command.try_get_matches_from(arguments)?)
+    }
+}
+
+/// The command line, with values of options that begin with a minus: what is wrong with such a number is told by
+/// the option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_value =
+        |option: &clap::Arg| option.get_action().takes_values() && !option.is_positional();
+    command
+        .mut_args(|option| {
+            let takes_value = takes_value(&option);
+            option.allow_negative_numbers(takes_value)
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 impl Command {

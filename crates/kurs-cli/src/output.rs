@@ -2,9 +2,10 @@
 //! of a long run appear together or not at all.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context;
@@ -56,6 +57,25 @@ impl Drop for Temporary {
     }
 }
 
+/// What is said of standard output that takes nothing.
+pub(crate) const UNPRINTED: &str = "standard output: cannot be written";
+
+/// Prints a result: one that does not arrive, as on a full disk, is an error of the command.
+pub(crate) fn print(text: impl Display) -> anyhow::Result<()> {
+    let mut output = io::stdout().lock();
+    write!(output, "{text}").and_then(|()| output.flush()).context(UNPRINTED)
+}
+
+/// Prints a value as indented JSON.
+pub(crate) fn print_json(value: &impl Serialize) -> anyhow::Result<()> {
+    print(format_args!("{}\n", serde_json::to_string_pretty(value)?))
+}
+
+/// Whether `--out` asks for standard output.
+pub(crate) fn is_standard_output(out: &Path) -> bool {
+    out.as_os_str() == "-"
+}
+
 /// Where the outputs of a run go: a folder, or for `-` one that is gone when its rows are printed.
 #[derive(Debug)]
 pub(crate) struct Destination {
@@ -66,7 +86,7 @@ pub(crate) struct Destination {
 impl Destination {
     /// As `--out` says.
     pub(crate) fn of(out: &Path) -> anyhow::Result<Self> {
-        if out.as_os_str() != "-" {
+        if !is_standard_output(out) {
             return Ok(Self { path: out.to_owned(), passing: None });
         }
         let path = std::env::temp_dir().join(format!("kurs-out-{}", std::process::id()));
@@ -89,8 +109,8 @@ impl Destination {
         let mut file = File::open(self.path.join(name))?;
         // Before the reader at the other end of the pipe has seen enough, which ends the program.
         drop(self);
-        io::copy(&mut file, &mut io::stdout().lock())?;
-        Ok(())
+        let mut output = io::stdout().lock();
+        io::copy(&mut file, &mut output).and_then(|_| output.flush()).context(UNPRINTED)
     }
 }
 
@@ -197,6 +217,13 @@ fn refuse_inputs(target: &Path, names: &[&str], inputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
+/// What a file is called when its run is done: without the hidden folder in which it is made.
+fn published(file: &Path) -> String {
+    let is_staging = |part: &Component| part.as_os_str().to_string_lossy().starts_with(STAGING);
+    let parts = file.components().filter(|part| !is_staging(part));
+    parts.collect::<PathBuf>().display().to_string()
+}
+
 /// A file in the making. Dropped without [`OutputFile::finish`] it leaves nothing behind.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
@@ -216,7 +243,7 @@ impl OutputFile {
         let temporary = directory.join(format!(".{name}.part{}", std::process::id()));
         let temporary = Temporary::new(temporary);
         let file = File::create(&temporary.0)
-            .with_context(|| format!("{}: cannot be written", target.display()))?;
+            .with_context(|| format!("{}: cannot be written", published(&target)))?;
         let writer = Some(BufWriter::with_capacity(1 << 16, file));
         Ok(Self { writer, temporary: Some(temporary), target })
     }
@@ -241,12 +268,16 @@ impl OutputFile {
 
     /// Gives the file its name.
     pub(crate) fn finish(mut self) -> anyhow::Result<()> {
-        if let Some(mut writer) = self.writer.take() {
-            writer.flush().with_context(|| format!("{}: write failed", self.target.display()))?;
-        }
+        self.flush()?;
+        drop(self.writer.take());
         let Some(temporary) = &self.temporary else { return Ok(()) };
         fs::rename(&temporary.0, &self.target)
-            .with_context(|| format!("{}: cannot be written", self.target.display()))
+            .with_context(|| format!("{}: cannot be written", published(&self.target)))
+    }
+
+    /// What went wrong, with the name of the file.
+    fn named(&self, error: &io::Error) -> io::Error {
+        io::Error::new(error.kind(), format!("{}: {error}", published(&self.target)))
     }
 }
 
@@ -276,11 +307,13 @@ pub(crate) fn write_json(
 
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.writer.as_mut().map_or(Ok(0), |writer| writer.write(bytes))
+        let written = self.writer.as_mut().map_or(Ok(0), |writer| writer.write(bytes));
+        written.map_err(|error| self.named(&error))
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.writer.as_mut().map_or(Ok(()), Write::flush)
+        let flushed = self.writer.as_mut().map_or(Ok(()), Write::flush);
+        flushed.map_err(|error| self.named(&error))
     }
 }
 

@@ -16,6 +16,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
+use crate::output;
 use crate::progress::Tasks;
 use crate::solve::Format;
 use manifest::Manifest;
@@ -79,7 +80,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Format::check(&args.format)?;
     let manifest = Manifest::read(&args.manifest)?;
     if args.merge {
-        return Ok(close(args, &status::merge(&manifest, &args.out)?));
+        return close(args, &status::merge(&manifest, &args.out)?);
     }
     let plans: Vec<SessionPlan> = chosen(args, &manifest)?
         .into_iter()
@@ -94,7 +95,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if is_whole {
         status::write(&args.out, &statuses)?;
     }
-    Ok(close(args, &statuses))
+    close(args, &statuses)
 }
 
 /// The entries that this run is to solve.
@@ -143,12 +144,12 @@ fn solve_all(args: &Args, plans: &[SessionPlan], watch: &Watch) -> Vec<SessionSt
 }
 
 /// The closing line and the exit status.
-fn close(args: &Args, statuses: &[SessionStatus]) -> ExitCode {
+fn close(args: &Args, statuses: &[SessionStatus]) -> anyhow::Result<ExitCode> {
     let counts = status::Counts::of(statuses);
     if args.json {
-        println!("{:#}", counts.json());
+        output::print_json(&counts.json())?;
     } else if !args.quiet {
-        println!("{counts}\nwritten to {}", args.out.display());
+        output::print(format_args!("{counts}\nwritten to {}\n", args.out.display()))?;
     }
-    counts.exit_code()
+    Ok(counts.exit_code())
 }

@@ -145,8 +145,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     folder.publish()?;
     match (args.json, args.quiet) {
-        (true, _) => println!("{}", serde_json::to_string_pretty(&file)?),
-        (false, false) => print!("{told}"),
+        (true, _) => output::print_json(&file)?,
+        (false, false) => output::print(told)?,
         (false, true) => {}
     }
     Ok(ExitCode::SUCCESS)

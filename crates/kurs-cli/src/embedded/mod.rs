@@ -8,8 +8,6 @@ mod station;
 
 use std::ffi::OsString;
 
-use clap::Parser;
-
 use crate::failure::{UsageError, told};
 use crate::{Cli, interrupt};
 
@@ -42,7 +40,7 @@ impl From<anyhow::Error> for Failure {
 pub fn call(
     arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>,
 ) -> Result<u8, Failure> {
-    let cli = Cli::try_parse_from(arguments).map_err(|error| {
+    let cli = Cli::read(arguments).map_err(|error| {
         let text = error.render().to_string();
         Failure::Usage(text.trim_start_matches("error: ").trim_end().to_owned())
     })?;

@@ -24,7 +24,7 @@ use kurs_formats::source::{ReadError, Source};
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
-use crate::output::{OutputFile, OutputFolder};
+use crate::output::{self, OutputFile, OutputFolder};
 use crate::page::Page;
 use crate::pipe::{self, InputFile};
 use crate::solve::input::middle_time;
@@ -159,22 +159,20 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         folder.publish()?;
     }
     match &args.json {
-        Some(None) => println!("{}", serde_json::to_string_pretty(&reports)?),
+        Some(None) => output::print_json(&reports)?,
         Some(Some(path)) => {
             write_json(path, &reports)?;
-            args.tell(&reports);
+            args.tell(&reports)?;
         }
-        None => args.tell(&reports),
+        None => args.tell(&reports)?,
     }
     let unusable = reports.iter().any(|report| matches!(report, Report::Unusable { .. }));
     Ok(ExitCode::from(u8::from(unusable)))
 }
 
 impl Args {
-    fn tell(&self, reports: &[Report]) {
-        if !self.quiet {
-            print!("{}", text::of(reports));
-        }
+    fn tell(&self, reports: &[Report]) -> anyhow::Result<()> {
+        if self.quiet { Ok(()) } else { output::print(text::of(reports)) }
     }
 }
 

@@ -59,7 +59,7 @@ impl Args {
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let loaded = args.load()?;
     if let Some(word) = &args.explain {
-        print!("{}", explain::explain(word, &loaded)?);
+        output::print(explain::explain(word, &loaded)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     let level = if args.quiet { tracing::Level::WARN } else { tracing::Level::INFO };
@@ -96,7 +96,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         bail!("every epoch is lost, mostly because of `{}`", summary.main_reason().unwrap_or(""));
     }
     if !args.quiet {
-        println!("{}\nwritten to {}", summary.text(), args.out.display());
+        let (text, out) = (summary.text(), args.out.display());
+        output::print(format_args!("{text}\nwritten to {out}\n"))?;
     }
     Ok(args.required_fix.exit_code(&summary))
 }

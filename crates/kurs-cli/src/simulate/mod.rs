@@ -18,7 +18,7 @@ use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
-use crate::output::{OutputFile, OutputFolder};
+use crate::output::{self, OutputFile, OutputFolder};
 use crate::progress::{Progress, Work};
 use crate::window::Window;
 use observation_files::{ObservationFiles, file_name, signals_left_out};
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(port) = args.stream.stream {
         let epochs = stream::send(&mut simulation, args.stream, port, args.quiet)?;
         if !args.quiet {
-            println!("{epochs} epochs sent");
+            output::print(format_args!("{epochs} epochs sent\n"))?;
         }
         return Ok(ExitCode::SUCCESS);
     }
@@ -135,25 +135,27 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     folder.publish()?;
     if args.json {
         let (out, interrupted) = (args.out.display().to_string(), watch.was_interrupted());
-        println!(
-            "{:#}",
-            serde_json::json!({ "epochs": epochs, "out": out, "interrupted": interrupted })
-        );
+        output::print_json(
+            &serde_json::json!({ "epochs": epochs, "out": out, "interrupted": interrupted }),
+        )?;
     } else if !args.quiet {
-        tell(&args.out, epochs);
+        output::print(closing(&args.out, epochs))?;
     }
     Ok(watch.status(ExitCode::SUCCESS))
 }
 
 /// The closing lines: what is there, and what to do with it.
-fn tell(out: &Path, epochs: usize) {
+fn closing(out: &Path, epochs: usize) -> String {
     let [solve, fuse, solved] = ["kurs.toml", "fuse.toml", "solved"].map(|name| out.join(name));
-    println!("{epochs} epochs written to {}", out.display());
+    let next = format!(
+        "{epochs} epochs written to {}\nnext: kurs solve {}",
+        out.display(),
+        solve.display()
+    );
     if fuse.is_file() {
-        println!("next: kurs solve {} --out {}", solve.display(), solved.display());
-        println!("then: kurs fuse {}", fuse.display());
+        format!("{next} --out {}\nthen: kurs fuse {}\n", solved.display(), fuse.display())
     } else {
-        println!("next: kurs solve {}", solve.display());
+        format!("{next}\n")
     }
 }
 

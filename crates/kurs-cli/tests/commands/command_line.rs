@@ -3,16 +3,23 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command as Program, Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use serde_json::Value;
 use tempfile::TempDir;
 
 const KURS: &str = env!("CARGO_BIN_EXE_kurs");
+
+/// An example of `kurs fuse`.
+const KURS_ARM: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/fuse/rotating-arm.toml");
 
 /// Two antennas that stand, one minute: bow.rnx, stern.rnx, nav.rnx, kurs.toml, truth.csv.
 const SCENARIO: &str = r#"
@@ -185,6 +192,67 @@ fn pipes_are_inputs_and_outputs() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// Whatever is text, for any command: packed, as a file and through standard input.
+#[test]
+fn text_may_be_packed_and_come_through_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let [bow, stern, nav, kurs] = ["bow.rnx", "stern.rnx", "nav.rnx", "kurs.toml"].map(file);
+    let array = "[[antenna]]\nname = \"A\"\nposition_m = [0.0, 0.0, 0.0]\n\
+                 [[antenna]]\nname = \"B\"\nposition_m = [2.0, 0.0, 0.0]\n";
+    let positions = "gps_week,tow_s,name,x_m,y_m,z_m\n2300,1,A,6378137,0,0\n2300,1,B,6378137,0,2\n";
+    fs::write(folder.path().join("positions.csv"), positions).unwrap();
+    let manifest = format!("label,files,nav\none,{bow};{stern},{nav}\n");
+    let truth = text(session(), "truth.csv");
+    let arm = fs::read_to_string(KURS_ARM).unwrap();
+    for (before, what, after, status) in [
+        (&["simulate"][..], SCENARIO, &["--every", "20"][..], 0),
+        (&["plan"], array, &["--for", "10m"], 0),
+        (&["orient"], array, &["positions.csv"], 0),
+        (&["batch"], &manifest, &[], 0),
+        (&["solve", &kurs, "--truth"], &truth, &[], 0),
+        (&["fuse"], &arm, &["--set", "simulate.duration_s=3"], 0),
+        // Of a log without a row its end is reached.
+        (&["calibrate", "gyro-bias"], "time_s,gx_radps,gy_radps,gz_radps\n", &[], 1),
+    ] {
+        let packed = folder.path().join("packed");
+        let mut encoder = GzEncoder::new(fs::File::create(&packed).unwrap(), Compression::fast());
+        encoder.write_all(what.as_bytes()).unwrap();
+        encoder.finish().unwrap();
+        for input in ["packed", "-"] {
+            let arguments = [before, &[input], after, &["--quiet", "--out", "out"]].concat();
+            let mut program = Command::new(KURS);
+            let program = program.current_dir(folder.path()).args(&arguments);
+            let output = program.pipe_stdin(&packed).unwrap().output().unwrap();
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(status), "{arguments:?}: {said}");
+            assert!(status == 0 || said.contains("no usable row"), "{arguments:?}: {said}");
+        }
+    }
+}
+
+/// A configuration that comes through a pipe has its paths from the working folder, and none is made of pipes.
+#[test]
+fn a_configuration_may_be_a_pipe_and_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let piped = |arguments: &[&str], input: &str| {
+        let mut kurs = Command::new(KURS);
+        let kurs = kurs.current_dir(session()).args(arguments).pipe_stdin(session().join(input));
+        kurs.unwrap().output().unwrap()
+    };
+    let out = folder.path().display().to_string();
+    let output = piped(&["solve", "-", "--quiet", "--out", &out], "kurs.toml");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = piped(&["init", "-", "stern.rnx", "nav.rnx", "--out", &out], "bow.rnx");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("standard input: a pipe is gone when"), "{said}");
+    let error = refused(folder.path(), 2, &["init", &file("truth.csv")]);
+    assert!(
+        error.contains("is some other text, expected observations and navigation data"),
+        "{error}"
+    );
+}
+
 /// Every epoch is solved from either end and has one row; streams, which have no end, are refused.
 #[test]
 fn a_session_is_solved_from_either_end() {
@@ -197,6 +265,26 @@ fn a_session_is_solved_from_either_end() {
 
     let error = refused(folder.path(), 2, &[&["live", &configuration][..], &both].concat());
     assert!(error.contains("a stream can only be solved as it comes"), "{error}");
+}
+
+/// A log that is not there has ended, and nobody waits for it.
+#[test]
+fn a_run_over_logs_ends_without_one_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let antenna = |name: &str, log: &str, x: f64| {
+        format!(
+            "[[antenna]]\nname = \"{name}\"\nstream = \"file://{log}?speed=0\"\nposition_m = [{x:.1}, 0.0, 0.0]\n"
+        )
+    };
+    let there = file("bow.ubx");
+    let configuration = antenna("stern", "absent.ubx", 0.0) + &antenna("bow", &there, 2.0);
+    fs::write(folder.path().join("live.toml"), configuration).unwrap();
+    let mut kurs = Command::new(KURS);
+    let kurs = kurs.current_dir(folder.path()).args(["live", "live.toml", "--once"]);
+    let output = kurs.timeout(Duration::from_secs(60)).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("absent.ubx") && said.contains("every epoch is lost"), "{said}");
 }
 
 #[test]
@@ -361,14 +449,80 @@ fn an_interrupted_run_is_a_valid_result() {
 #[test]
 fn a_full_disk_leaves_nothing_half() {
     let folder = tempfile::tempdir().unwrap();
-    let command =
-        format!("trap '' XFSZ; ulimit -f 16; exec {KURS} solve {} --quiet", file("kurs.toml"));
-    let output =
-        Program::new("sh").current_dir(folder.path()).args(["-c", &command]).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("File too large"), "{said}");
-    assert!(!folder.path().join("kurs-out/solve").exists());
+    for (command, input, blocks, named) in [
+        ("solve", "kurs.toml", 16, "kurs-out/solve/attitude.csv"),
+        ("simulate", "scenario.toml", 16, ".rnx"),
+        ("man", "", 1, "kurs-out/man: cannot be written"),
+    ] {
+        let input = if input.is_empty() { String::new() } else { file(input) };
+        let limited =
+            format!("trap '' XFSZ; ulimit -f {blocks}; exec {KURS} {command} {input} --quiet");
+        let output =
+            Program::new("sh").current_dir(folder.path()).args(["-c", &limited]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(&format!("{named}: File too large")), "{said}");
+        assert!(!said.contains(".kurs.part"), "{said}");
+        assert!(!folder.path().join("kurs-out").join(command).exists());
+    }
+}
+
+#[test]
+fn results_that_would_be_lost_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let kurs = file("kurs.toml");
+    for (more, expected) in [
+        (&["--format", "nmea,nmea:gpsd"][..], "two of the formats are attitude.nmea"),
+        (&["--out", "-", "--format", "nmea,csv"], "--out - prints one --format, 2 found"),
+        (&["--out", "-", "--json"], "--out - and --json both print"),
+    ] {
+        let error = refused(folder.path(), 2, &[&["solve", &kurs][..], more].concat());
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// Numbers below zero are values: what is wrong with them is told, and no way to make them others.
+#[test]
+fn negative_numbers_are_told_of_by_their_options() {
+    let folder = tempfile::tempdir().unwrap();
+    let kurs = file("kurs.toml");
+    for (arguments, expected) in [
+        (&["solve", &kurs, "--every", "-1"][..], "'-1' for '--every <SECONDS>'"),
+        (&["solve", &kurs, "--require-fix", "-3"], "'-3' for '--require-fix <PERCENT>'"),
+        (&["calibrate", "multi-pose", "a.csv", "--gravity", "-9.8"], "--gravity: -9.8 found"),
+    ] {
+        let error = refused(folder.path(), 2, arguments);
+        assert!(error.contains(expected) && !error.contains("-- -"), "{error}");
+    }
+}
+
+/// What is printed must arrive, whichever command prints it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_result_that_cannot_be_printed_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let [bow, stern, nav, kurs] = ["bow.rnx", "stern.rnx", "nav.rnx", "kurs.toml"].map(file);
+    for arguments in [
+        &["--help"][..],
+        &["completions", "bash"],
+        &["man"],
+        &["inspect", &bow],
+        &["inspect", "--json", &nav],
+        &["init", &bow, &stern, &nav, "--out", "-"],
+        &["solve", &kurs, "--explain"],
+        &["solve", &kurs, "--json", "--every", "20"],
+        &["solve", &kurs, "--every", "20"],
+        &["solve", &kurs, "--every", "20", "--out", "-"],
+        &["plan", &kurs, "--for", "10m"],
+    ] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let mut program = Program::new(KURS);
+        let program = program.current_dir(folder.path()).args(arguments);
+        let output = program.stdout(full).stderr(Stdio::piped()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains("error: standard output: cannot be written: No space"), "{said}");
+    }
 }
 
 #[test]
