@@ -2,14 +2,14 @@
 //! the angle of a rotating arm, `arm_deg`, where an encoder measures it.
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use nalgebra::Vector3;
 
 use crate::pipe;
-use crate::summary::Damage;
+use crate::summary::{Damage, damaged};
+use crate::text_file::TextFile;
 
 /// Standard gravity, the unit "g".
 const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
@@ -25,6 +25,8 @@ const MAX_READING: f64 = 1e9;
 
 /// Usable rows at the beginning of a log whose times are looked at.
 const LOOKED_AT: usize = 200;
+/// Where so many of them, and a quarter, go back in time, the log has no order.
+const MAX_BACKWARDS: usize = 10;
 /// Times between samples that sensors have: 100 kHz to 1 Hz.
 const MIN_STEP_S: f64 = 1e-5;
 const MAX_STEP_S: f64 = 1.0;
@@ -63,10 +65,14 @@ pub(crate) struct SensorRow {
 /// Reads a log row by row.
 pub(crate) struct SensorReader {
     path: PathBuf,
-    records: csv::StringRecordsIntoIter<File>,
+    records: csv::StringRecordsIntoIter<TextFile>,
     columns: Columns,
     backwards: Backwards,
     last_s: f64,
+    /// Rows with numbers.
+    rows: usize,
+    /// Those of them whose times are before that of the row before.
+    backwards_rows: usize,
     damage: Vec<Damage>,
     /// Rows that were read to look at their times.
     ahead: VecDeque<SensorRow>,
@@ -108,10 +114,15 @@ impl SensorLog {
             log.gyro.extend(row.gyro);
         }
         if log.time_s.is_empty() {
-            bail!("{}: no usable row", path.display());
+            bail!("{}: no usable row{}", path.display(), damaged(&reader.damage));
         }
         log.damage = reader.damage;
         Ok(log)
+    }
+
+    /// Whether two logs are one recording.
+    pub(crate) fn has_samples_of(&self, other: &Self) -> bool {
+        self.time_s == other.time_s && self.accelerometer == other.accelerometer
     }
 
     /// How many steps are longer than five usual ones, and the longest.
@@ -182,8 +193,7 @@ impl SensorReader {
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_path(path)
-            .with_context(|| format!("{name}: cannot be read"))?;
+            .from_reader(TextFile::open(path)?);
         let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
         let columns = match Columns::of_header(&header) {
             Ok(columns) => columns,
@@ -195,10 +205,19 @@ impl SensorReader {
             columns,
             backwards,
             last_s: f64::NEG_INFINITY,
+            rows: 0,
+            backwards_rows: 0,
             damage: Vec::new(),
             ahead: VecDeque::new(),
         };
         reader.ahead = core::iter::from_fn(|| reader.read_row()).take(LOOKED_AT).collect();
+        if reader.backwards_rows > MAX_BACKWARDS && reader.backwards_rows > reader.ahead.len() / 4 {
+            bail!(
+                "{name}: the time goes back in {} of the first {} rows, rows in the order of `time_s` are expected",
+                reader.backwards_rows,
+                reader.rows
+            );
+        }
         let times_s: Vec<f64> = reader.ahead.iter().map(|row| row.time_s).collect();
         match wrong_times(&times_s) {
             Some(wrong) => bail!("{name}: {wrong}"),
@@ -224,6 +243,8 @@ impl SensorReader {
     fn row(&mut self, record: &csv::StringRecord) -> Result<SensorRow, String> {
         let row = self.columns.row(record)?;
         let time_s = row.time_s;
+        self.rows += 1;
+        self.backwards_rows += usize::from(time_s < self.last_s);
         if time_s <= self.last_s && self.backwards == Backwards::LeftOut {
             return Err(if time_s == self.last_s {
                 format!("time {time_s} s is that of the row before")
@@ -256,12 +277,8 @@ impl SensorReader {
     }
 
     fn note(&mut self, line: u64, what: String) {
-        let what = match self.damage.len() {
-            0..LISTED_DAMAGE => what,
-            LISTED_DAMAGE => "and more".to_owned(),
-            _ => return,
-        };
-        self.damage.push(Damage { file: pipe::named(&self.path), line, what });
+        let damage = Damage::at(pipe::named(&self.path), line, what);
+        damage.add_to(&mut self.damage, LISTED_DAMAGE);
     }
 }
 
@@ -293,7 +310,7 @@ fn wrong_times(times_s: &[f64]) -> Option<String> {
         |(unit, unit_s)| format!("`time_s` looks like {unit}, multiply it by {unit_s:e}"),
     );
     Some(format!(
-        "{step_s:e} s from sample to sample at times up to {largest:e} s, sensors have {MIN_STEP_S:e} \
+        "{step_s:.3e} s from sample to sample at times up to {largest:e} s, sensors have {MIN_STEP_S:e} \
          to {MAX_STEP_S} s: {hint}"
     ))
 }

@@ -51,12 +51,32 @@ pub(crate) struct Damage {
     pub(crate) file: String,
     pub(crate) line: u64,
     pub(crate) what: String,
+    /// How many it stands for.
+    #[serde(skip)]
+    pub(crate) places: usize,
 }
 
 impl Damage {
     /// What a reader reports of `file`.
     pub(crate) fn new(file: String, damage: &kurs_formats::damage::Damage) -> Self {
-        Self { file: pipe::told(&file), line: damage.line, what: damage.what.to_string() }
+        Self::at(pipe::told(&file), damage.line, damage.what.to_string())
+    }
+
+    /// One place.
+    pub(crate) fn at(file: String, line: u64, what: String) -> Self {
+        Self { file, line, what, places: 1 }
+    }
+
+    /// Goes into a list; where `most` are listed already, into its last entry, which counts the others.
+    pub(crate) fn add_to(self, list: &mut Vec<Self>, most: usize) {
+        if let Some(others) = list.get_mut(most) {
+            others.places += 1;
+            others.what = format!("and {} more", others.places);
+        } else if list.len() == most {
+            list.push(Self { what: "and 1 more".to_owned(), ..self });
+        } else {
+            list.push(self);
+        }
     }
 }
 
@@ -64,6 +84,14 @@ impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}: {}", self.file, self.line, self.what)
     }
+}
+
+/// How much was damaged and where first, as a line of its own; nothing if nothing was.
+pub(crate) fn damaged(damage: &[Damage]) -> String {
+    damage.first().map_or_else(String::new, |first| {
+        let places: usize = damage.iter().map(|damage| damage.places).sum();
+        format!("\n{places} damaged places, first: {first}")
+    })
 }
 
 /// Mean and standard deviation by Welford's recursion; angles around a full turn are unwrapped

@@ -14,7 +14,7 @@ use kurs::fusion::earth::gravity::normal_gravity_mps2;
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
-use crate::output::{OutputFile, OutputFolder};
+use crate::output::{self, OutputFile, OutputFolder};
 use crate::pipe::InputFile;
 use crate::sensor_log::{Backwards, SensorLog};
 
@@ -60,10 +60,10 @@ struct Input {
     #[arg(long)]
     gravity_sd: Option<f64>,
     /// Geodetic latitude for normal gravity.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long)]
     latitude_deg: Option<f64>,
     /// Height above the ellipsoid for normal gravity.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0)]
     height_m: f64,
     /// Folder for calibration.toml, the tables and report.html.
     #[arg(long, value_name = "DIR", default_value = "kurs-out/calibrate")]
@@ -165,9 +165,9 @@ impl Input {
         write_toml(folder.path(), calibration)?;
         folder.publish()?;
         if self.json {
-            println!("{}", serde_json::to_string_pretty(calibration)?);
+            output::print_json(calibration)?;
         } else if !self.quiet {
-            println!("{told}written to {}", self.out.display());
+            output::print(format_args!("{told}written to {}\n", self.out.display()))?;
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -217,8 +217,13 @@ impl Input {
 /// The rests in all files.
 fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
     let mut poses = Vec::new();
+    let mut logs: Vec<(&PathBuf, SensorLog)> = Vec::new();
     for file in files {
         let log = read(file)?;
+        // Counted twice, its poses would make the result look better than it is.
+        if let Some((other, _)) = logs.iter().find(|(_, other)| other.has_samples_of(&log)) {
+            bail!("{} and {} hold the same samples", other.display(), file.display());
+        }
         if log.accelerometer.is_empty() {
             bail!("{}: no accelerometer columns (ax_mps2, ay_mps2, az_mps2)", file.display());
         }
@@ -248,6 +253,7 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
             }
             poses.push(static_intervals::pose(&samples[rest]));
         }
+        logs.push((file, log));
     }
     Ok(poses)
 }

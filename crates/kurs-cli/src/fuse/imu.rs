@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use kurs::array::MAX_SEPARATION_M;
 use kurs::frames::Vector;
 use kurs::fusion::attitude::session::ImuSample;
 use nalgebra::{Matrix3, Vector3};
@@ -12,9 +13,10 @@ use serde::{Deserialize, Serialize};
 
 use super::calibration::Calibration;
 use super::{attitude, gravity_check};
+use crate::config_file::check_range;
 use crate::failure::UsageError;
 use crate::sensor_log::{Backwards, SensorReader, SensorRow};
-use crate::summary::Damage;
+use crate::summary::{Damage, damaged};
 
 /// The table `[imu]`.
 #[derive(Debug, Clone, Deserialize, Serialize)]
@@ -102,35 +104,27 @@ impl ImuConfig {
 
     /// Refuses values that cannot be meant, wherever the samples come from.
     pub(crate) fn check_values(&self) -> Result<(), UsageError> {
-        let force_noise = self.accelerometer_noise_mps2_per_sqrt_hz;
-        let positive = [
-            ("gyro_noise_deg_per_sqrt_h", self.gyro_noise_deg_per_sqrt_h),
-            ("gyro_bias_sd_degph", self.gyro_bias_sd_degph),
-            ("gyro_range_degps", self.gyro_range_degps),
-            ("accelerometer_noise_mps2_per_sqrt_hz", force_noise),
-            ("accelerometer_bias_sd_mps2", self.accelerometer_bias_sd_mps2),
-            ("accelerometer_range_mps2", self.accelerometer_range_mps2),
-        ];
-        if let Some((key, value)) = positive.iter().find(|(_, v)| v.is_nan() || *v <= 0.0) {
-            return Err(UsageError(format!("imu.{key}: {value} found, more than 0 expected")));
-        }
         let force_walk = self.accelerometer_bias_walk_mps2_per_sqrt_h;
-        let not_negative = [
-            ("gyro_bias_walk_degph_per_sqrt_h", self.gyro_bias_walk_degph_per_sqrt_h),
-            ("accelerometer_bias_walk_mps2_per_sqrt_h", force_walk),
-        ];
-        if let Some((key, value)) = not_negative.iter().find(|(_, v)| v.is_nan() || *v < 0.0) {
-            return Err(UsageError(format!("imu.{key}: {value} found, 0 or more expected")));
+        let force_noise = self.accelerometer_noise_mps2_per_sqrt_hz;
+        for (key, value, range) in [
+            ("gyro_noise_deg_per_sqrt_h", self.gyro_noise_deg_per_sqrt_h, 1e-6..=1e4),
+            ("gyro_bias_sd_degph", self.gyro_bias_sd_degph, 1e-6..=1e6),
+            ("gyro_bias_walk_degph_per_sqrt_h", self.gyro_bias_walk_degph_per_sqrt_h, 0.0..=1e6),
+            ("gyro_range_degps", self.gyro_range_degps, 1e-6..=f64::INFINITY),
+            ("accelerometer_noise_mps2_per_sqrt_hz", force_noise, 1e-9..=10.0),
+            ("accelerometer_bias_sd_mps2", self.accelerometer_bias_sd_mps2, 1e-9..=100.0),
+            ("accelerometer_bias_walk_mps2_per_sqrt_h", force_walk, 0.0..=100.0),
+            ("accelerometer_range_mps2", self.accelerometer_range_mps2, 1e-6..=f64::INFINITY),
+            ("time_offset_s", self.time_offset_s, -1e10..=1e10),
+        ] {
+            check_range(&format!("imu.{key}"), value, range)?;
         }
-        let vectors = [
-            ("position_m", self.position_m),
-            ("mounting_deg", self.mounting_deg),
-            ("time_offset_s", [self.time_offset_s; 3]),
-        ];
-        match vectors.iter().find(|(_, v)| !v.iter().all(|x| x.is_finite())) {
-            Some((key, _)) => Err(UsageError(format!("imu.{key}: finite numbers expected"))),
-            None => Ok(()),
+        for metres in self.position_m {
+            check_range("imu.position_m", metres, -MAX_SEPARATION_M..=MAX_SEPARATION_M)?;
         }
+        self.mounting_deg
+            .into_iter()
+            .try_for_each(|angle| check_range("imu.mounting_deg", angle, -360.0..=360.0))
     }
 }
 
@@ -201,7 +195,7 @@ impl Sensor {
         }
         let ahead: VecDeque<SensorRow> = reader.by_ref().take(gravity_check::SAMPLES).collect();
         if ahead.is_empty() {
-            bail!("{}: no usable row", path.display());
+            bail!("{}: no usable row{}", path.display(), damaged(reader.damage()));
         }
         if reader.has_accelerometer() {
             let norms = ahead.iter().filter_map(|row| Some(row.accelerometer?.norm()));

@@ -17,12 +17,14 @@ use kurs::frames::Attitude;
 
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
+use crate::output;
+use crate::pipe::InputFile;
 use crate::report::Words;
-use crate::summary::{Damage, Summary};
+use crate::summary::{Damage, Summary, damaged};
 use crate::window::Window;
 
 /// GNSS joined with inertial sensors: a rotating arm, or antennas with a gyro.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Args {
     /// Configuration file (TOML): with [arm], with [antennas] and [imu], or with [tilt] and [imu].
     config: PathBuf,
@@ -56,15 +58,14 @@ impl Args {
     /// The closing words of a run whose outputs stand in their folder.
     fn conclude(&self, text: &str, damage: &[Damage]) -> anyhow::Result<()> {
         if self.json {
-            println!("{}", std::fs::read_to_string(self.out.join("summary.json"))?);
-        } else if !self.quiet {
-            println!("{text}");
-            if let Some(first) = damage.first() {
-                println!("{} damaged places, first: {first}", damage.len());
-            }
-            println!("written to {}", self.out.display());
+            let summary = std::fs::read_to_string(self.out.join("summary.json"))?;
+            return output::print(format_args!("{summary}\n"));
         }
-        Ok(())
+        if self.quiet {
+            return Ok(());
+        }
+        let (damaged, out) = (damaged(damage), self.out.display());
+        output::print(format_args!("{text}{damaged}\nwritten to {out}\n"))
     }
 }
 
@@ -94,6 +95,8 @@ const OUTPUTS: &[&str] = &[
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.window.check()?;
+    let input = InputFile::open(&args.config)?;
+    let args = &Args { config: input.path().to_owned(), ..args.clone() };
     let tables: toml::Table = config_file::read(&args.config)?;
     match ["arm", "antennas", "tilt"].map(|table| tables.contains_key(table)) {
         [true, false, false] => arm::run(args),
@@ -115,7 +118,7 @@ fn attitude(angles_deg: [f64; 3]) -> Attitude {
 /// What stands beside the plots of a report; the first of the files is the configuration.
 fn words<'a>(title: &'a str, summary: &Summary, files: &[PathBuf]) -> Words<'a> {
     let input = |file: &PathBuf| ["input".to_owned(), file.display().to_string()];
-    let configuration = files.first().and_then(|file| std::fs::read_to_string(file).ok());
+    let configuration = files.first().and_then(|file| config_file::text(file).ok());
     Words {
         title,
         inputs: files.iter().map(input).collect(),

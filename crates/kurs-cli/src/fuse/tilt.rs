@@ -1,8 +1,6 @@
 //! `kurs fuse` with `[tilt]`: pitch and roll of a body from its inertial sensor alone, by a
 //! complementary filter for each, and by exponential smoothing of what the accelerometers show.
 
-use std::path::Path;
-
 use anyhow::bail;
 use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
 use kurs::fusion::complementary::ComplementaryFilter;
@@ -13,7 +11,8 @@ use super::Args;
 use super::imu::{ImuConfig, Sensor};
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
-use crate::output::OutputFolder;
+use crate::output::{self, OutputFolder};
+use crate::pipe;
 use crate::table::{Table, TableFormat};
 
 const COLUMNS: &[&str] = &[
@@ -71,7 +70,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let smoothing = config.tilt.check()?;
     config.imu.check()?;
-    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let folder = &pipe::folder_of(&args.config);
     let mut sensor = Sensor::open(folder, &config.imu)?;
     if !sensor.has_accelerometer() {
         bail!(
@@ -114,9 +113,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     outputs.publish()?;
     if args.json {
-        println!("{:#}", serde_json::json!({ "rows": rows, "left_out": left_out }));
+        output::print_json(&serde_json::json!({ "rows": rows, "left_out": left_out }))?;
     } else if !args.quiet {
-        println!("{rows} rows written to {}", args.out.display());
+        output::print(format_args!("{rows} rows written to {}\n", args.out.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

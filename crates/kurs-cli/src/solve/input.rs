@@ -122,7 +122,7 @@ pub(crate) fn misdated<'a>(
 ) -> Vec<Damage> {
     let of_antenna = |(antenna, span): (&AntennaTable, &SessionSpan)| {
         let files: Vec<String> = antenna.obs.iter().map(|path| named(&loaded.path(path))).collect();
-        Some(Damage { file: files.join(", "), line: 1, what: span.misdated()? })
+        Some(Damage::at(files.join(", "), 1, span.misdated()?))
     };
     loaded.config.antenna.iter().zip(spans).filter_map(of_antenna).collect()
 }

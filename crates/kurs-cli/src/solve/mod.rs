@@ -36,7 +36,7 @@ use crate::parquet_files;
 use crate::pipe;
 use crate::progress::{Progress, Work};
 use crate::session_span::SessionSpan;
-use crate::summary::{Damage, Summary};
+use crate::summary::{Damage, Summary, damaged};
 use crate::table::TableFormat;
 use crate::tables::Tables;
 use crate::unobserved_bands::UnobservedBands;
@@ -121,6 +121,18 @@ impl Args {
         }
     }
 
+    /// Refuses several results for standard output.
+    fn check_standard_output(&self) -> Result<(), UsageError> {
+        if !output::is_standard_output(&self.out) {
+            return Ok(());
+        }
+        match (self.format.len(), self.json) {
+            (1, false) => Ok(()),
+            (1, true) => Err(UsageError("--out - and --json both print: one is expected".into())),
+            (found, _) => Err(UsageError(format!("--out - prints one --format, {found} found"))),
+        }
+    }
+
     /// Solves what was simulated, lays it against the truth and writes the report.
     pub(crate) fn of_simulation(
         config: PathBuf,
@@ -165,12 +177,21 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// Refuses formats that this program was built without.
+    /// Refuses formats that this program was built without, and two that would be one file.
     ///
     /// # Errors
     ///
-    /// [`UsageError`] that names the cargo feature.
+    /// [`UsageError`] that names the cargo feature, or the file.
     pub(crate) fn check(formats: &[Self]) -> Result<(), UsageError> {
+        for (index, format) in formats.iter().enumerate() {
+            let is_same = |other: &&Self| **other != *format && other.rows() == format.rows();
+            if formats[..index].iter().any(|other| is_same(&other)) {
+                return Err(UsageError(format!(
+                    "--format: two of the formats are {}, one is expected",
+                    format.rows()
+                )));
+            }
+        }
         if formats.contains(&Self::Parquet) { parquet_files::check() } else { Ok(()) }
     }
 
@@ -189,12 +210,13 @@ impl Format {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Format::check(&args.format)?;
+    args.check_standard_output()?;
     let session = args.session.load()?;
     let loaded = &session.loaded;
     let settings =
         Settings { residuals: args.report || args.truth.is_some(), ..loaded.settings()? };
     if let Some(format) = args.explain {
-        print!("{}", pipe::told(&loaded.explain(format)));
+        output::print(pipe::told(&loaded.explain(format)))?;
         return Ok(ExitCode::SUCCESS);
     }
 
@@ -268,12 +290,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     match () {
         () if destination.is_standard_output() => destination.print(args.format[0].rows())?,
-        () if args.json => println!("{}", serde_json::to_string_pretty(&file)?),
+        () if args.json => output::print_json(&file)?,
         () if !args.quiet => {
-            print!("{}{}", closing(&summary, &damage, &args.out), review.text());
+            let told = closing(&summary, &damage, &args.out);
+            output::print(format_args!("{told}{}", review.text()))?;
             let asks = !watch.was_interrupted();
             let line = asks.then(|| review::in_one_line(loaded, &summary, &copies)).flatten();
-            line.iter().for_each(|line| println!("{line}"));
+            line.map_or(Ok(()), |line| output::print(format_args!("{line}\n")))?;
         }
         () => {}
     }
@@ -412,13 +435,6 @@ impl Outputs {
 /// What stands on the terminal at the end.
 fn closing(summary: &Summary, damage: &[Damage], out: &Path) -> String {
     format!("{}{}\nwritten to {}\n", summary.text(), damaged(damage), out.display())
-}
-
-/// How much was damaged and where first, as a line of its own; nothing if nothing was.
-fn damaged(damage: &[Damage]) -> String {
-    damage.first().map_or_else(String::new, |first| {
-        format!("\n{} damaged places, first: {first}", damage.len())
-    })
 }
 
 /// Why not a single row has a solution.

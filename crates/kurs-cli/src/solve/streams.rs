@@ -176,12 +176,9 @@ impl Streams {
     /// Epochs that are in no row, as rows of their time had gone out without them.
     pub(super) fn late(&self) -> impl Iterator<Item = Damage> {
         let counts = self.streams.iter().enumerate().map(|(i, s)| (&s.name, self.matcher.late(i)));
-        counts.filter(|(_, count)| *count > 0).map(|(name, count)| Damage {
-            file: format!("antenna {name}"),
-            line: 0,
-            what: format!(
-                "{count} epochs are too near behind those before them for rows of their own"
-            ),
+        counts.filter(|(_, count)| *count > 0).map(|(name, count)| {
+            let what = "epochs are too near behind those before them for rows of their own";
+            Damage::at(format!("antenna {name}"), 0, format!("{count} {what}"))
         })
     }
 

@@ -262,6 +262,19 @@ fn problems_are_named() {
     assert!(
         text(&output.stderr).contains("rad/s at rest, sensors have less than 1 rad/s: raw counts")
     );
+    // One recording twice; rows of which none is left; rows in no order.
+    let [one, same] = ["one.csv", "same.csv"].map(|name| write(folder, name, &good));
+    refused("six-position", &[one, same], "same.csv hold the same samples");
+    let nothing = change("nothing.csv", &|_, row| [&row[..1], &[f64::NAN; 3]].concat());
+    let expected = format!("no usable row\n{} damaged places, first: ", good.lines().count() - 1);
+    refused("six-position", std::slice::from_ref(&nothing), &expected);
+    refused("six-position", &[nothing], "nothing.csv:2: `NaN` is not a number");
+    let turned = good.lines().skip(1).collect::<Vec<_>>();
+    let (first, second) = turned.split_at(turned.len() / 2);
+    let mixed = first.iter().zip(second).flat_map(|(a, b)| [*a, *b]);
+    let mixed: Vec<&str> = good.lines().take(1).chain(mixed).collect();
+    let mixed = write(folder, "mixed.csv", &mixed.join("\n"));
+    refused("six-position", &[mixed], "rows in the order of `time_s` are expected");
     let words = write(folder, "words.csv", "time_s,x,y,z\n0,1,2,3\n");
     refused("six-position", &[words], "no sensor columns; expected ax_mps2");
 }

@@ -333,6 +333,7 @@ fn wrong_units_and_wrong_configurations_are_named() {
     for (from, to, expected) in [
         ("\"manoeuvring\"", "\"wild\"", "filter.tuning: `wild` found, manoeuvring, balanced, calm"),
         ("radius_m = 1.0", "radius_m = 0.0", "arm.radius_m: 0 found, more than 0 expected"),
+        ("rate_hz = 1.0", "rate_hz = 0.0", "arm.rate_hz: 0 found, 0.01 to 100 turns a second"),
         ("radius_m = 1.0", "radius = 1.0", "unknown key `radius`, did you mean `radius_m`?"),
         ("[simulate]", "[other]", "unknown key `other`"),
         ("tuning", "states = 18\ntuning", "filter.states: 18 found, 17 or 20 expected"),

@@ -306,7 +306,20 @@ fn what_cannot_be_is_refused_in_words() {
         ),
         ("file = \"imu.csv\"", "", 2, "imu.file: no log of the inertial sensor"),
         ("position_m = [-0.5", "positon_m = [-0.5", 2, "did you mean `position_m`?"),
-        ("gyro_range_degps = 2000.0", "gyro_range_degps = 0.0", 2, "imu.gyro_range_degps: 0 found"),
+        ("gyro_range_degps = 2000.0", "gyro_range_degps = 0.0", 2, "imu.gyro_range_degps is 0"),
+        ("position_m = [-0.5", "position_m = [1e300", 2, "imu.position_m is 1000"),
+        (
+            "[imu]",
+            "[output]\ninterval_s = 1e-9\n[imu]",
+            2,
+            "output.interval_s is 0.000000001, expected 0.001 to 86400",
+        ),
+        (
+            "accelerometer_noise_mps2_per_sqrt_hz = ",
+            "accelerometer_noise_mps2_per_sqrt_hz = 1e300 # ",
+            2,
+            "expected 0.000000001 to 10",
+        ),
         ("attitude.csv", "baselines.csv", 1, "attitude.csv of kurs solve is expected"),
         ("attitude.csv", "nothing.csv", 1, "nothing.csv: cannot be read"),
         (

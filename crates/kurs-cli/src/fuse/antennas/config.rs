@@ -9,6 +9,7 @@ use kurs::fusion::kalman::Gate;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::config_file::check_range;
 use crate::failure::UsageError;
 use crate::fuse::imu::ImuConfig;
 
@@ -183,11 +184,11 @@ pub(crate) fn check(
     let positive = [
         ("filter.gate_sigmas", filter.gate_sigmas),
         ("filter.first_angle_sd_deg", filter.first_angle_sd_deg),
-        (interval_key, interval_s.unwrap_or(1.0)),
     ];
     if let Some((key, value)) = positive.iter().find(|(_, v)| v.is_nan() || *v <= 0.0) {
         return Err(UsageError(format!("{key}: {value} found, more than 0 expected")));
     }
+    check_range(interval_key, interval_s.unwrap_or(1.0), 1e-3..=86_400.0)?;
     let not_negative = [
         ("antennas.velocity_sd_mps", antennas.velocity_sd_mps),
         ("antennas.correlation_s", antennas.correlation_s),

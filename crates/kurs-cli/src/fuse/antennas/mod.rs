@@ -7,7 +7,6 @@ mod solved_rows;
 mod source;
 
 use std::fmt;
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -19,6 +18,7 @@ use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
 use crate::output::OutputFolder;
+use crate::pipe;
 use crate::truth::Truth;
 use config::Config;
 use rows::Rows;
@@ -32,7 +32,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             "--write-inputs is for [simulate]; a car with antennas and sensor: kurs simulate";
         return Err(UsageError(text.to_owned()).into());
     }
-    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let folder = &pipe::folder_of(&args.config);
     config.check()?;
     let inputs =
         [args.config.clone(), folder.join(config.antennas.file()?), folder.join(&config.imu.file)];

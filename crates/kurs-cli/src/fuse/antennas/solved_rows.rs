@@ -11,7 +11,8 @@ use kurs::solution::{
 use kurs::time::GpsTime;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::summary::Damage;
+use crate::summary::{Damage, damaged};
+use crate::text_file::TextFile;
 
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
@@ -21,10 +22,7 @@ const MAX_INSTALLATION: f64 = 0.99;
 /// The rows in the order of the file, and what could not be used.
 pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damage>)> {
     let name = path.display();
-    let mut reader = csv::ReaderBuilder::new()
-        .flexible(true)
-        .from_path(path)
-        .with_context(|| format!("{name}: cannot be read"))?;
+    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(TextFile::open(path)?);
     let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
     for needed in ["gps_week", "tow_s", "status", "heading_deg", "heading_sd_deg"] {
         if !header.iter().any(|column| column == needed) {
@@ -45,14 +43,13 @@ pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damag
         };
         match row {
             Ok(row) => rows.push(row),
-            Err(what) if damage.len() < LISTED_DAMAGE => {
-                damage.push(Damage { file: name.to_string(), line, what });
+            Err(what) => {
+                Damage::at(name.to_string(), line, what).add_to(&mut damage, LISTED_DAMAGE)
             }
-            Err(_) => {}
         }
     }
     if rows.is_empty() {
-        bail!("{name}: no usable row");
+        bail!("{name}: no usable row{}", damaged(&damage));
     }
     if let Some(sd_rad) = installation_sd_rad(&path.with_file_name("summary.json"))? {
         rows.iter_mut().filter_map(|row| row.outcome.attitude_mut()).for_each(|attitude| {

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::UsageError;
 use crate::fuse::attitude;
+use crate::pipe;
 
 /// `kurs fuse CONFIG.toml`: either `[nav]` with the files of `[receiver]` and `[accelerometer]`, or
 /// `[simulate]`.
@@ -253,7 +254,7 @@ impl Default for SimulateConfig {
 impl Config {
     /// The configuration itself and every file that it names.
     pub(super) fn inputs(&self, configuration: &Path) -> Vec<PathBuf> {
-        let folder = configuration.parent().unwrap_or(Path::new(""));
+        let folder = pipe::folder_of(configuration);
         let navigation = self.nav.iter().flat_map(|nav| &nav.files);
         let named = self.receiver.obs.iter().chain(navigation).chain(&self.accelerometer.file);
         [configuration.to_owned()].into_iter().chain(named.map(|file| folder.join(file))).collect()
@@ -373,6 +374,12 @@ impl Config {
         ];
         if let Some((key, value)) = not_negative.iter().find(|(_, v)| v.is_nan() || *v < 0.0) {
             return Err(UsageError(format!("{key}: {value} found, 0 or more expected")));
+        }
+        // An arm that does not turn tells nothing of the attitude.
+        if !(0.01..=100.0).contains(&self.arm.rate_hz.abs()) {
+            let found = self.arm.rate_hz;
+            let text = format!("arm.rate_hz: {found} found, 0.01 to 100 turns a second expected");
+            return Err(UsageError(format!("{text}, either way round")));
         }
         match filter.states {
             17 | 20 => Ok(()),

@@ -5,7 +5,6 @@ mod input;
 mod rows;
 mod simulated;
 
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::bail;
@@ -16,7 +15,8 @@ use super::{Args, Inputs};
 use crate::config_file;
 use crate::failure::{ExitCode, UsageError};
 use crate::interrupt::Watch;
-use crate::output::OutputFolder;
+use crate::output::{self, OutputFolder};
+use crate::pipe;
 use crate::summary::Damage;
 use crate::truth::Truth;
 use crate::window::Window;
@@ -29,7 +29,7 @@ use simulated::TRUTH;
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let config: Config = config_file::read_with(&args.config, &args.set, "filter")?;
     let settings = config.session()?;
-    let folder = args.config.parent().unwrap_or(Path::new(""));
+    let folder = &pipe::folder_of(&args.config);
     let mut truth = args.truth.clone();
     let inputs = config.inputs(&args.config);
     let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
@@ -38,7 +38,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             let recording = simulated::recording(&config, simulate, &settings.filter)?;
             if let Some(directory) = &args.write_inputs {
                 let made = simulated::write_inputs(directory, &config, &recording)?;
-                println!("next: kurs fuse {}", made.display());
+                output::print(format_args!("next: kurs fuse {}\n", made.display()))?;
                 return Ok(ExitCode::SUCCESS);
             }
             simulated::write_truth(outputs.path(), recording.clone())?;
