@@ -4,7 +4,9 @@ use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use serde::Deserialize;
 
+use crate::config_file::check_range;
 use crate::failure::UsageError;
+use crate::solve::config::PointTable;
 
 /// The configuration as written.
 #[derive(Debug, Clone, Deserialize)]
@@ -24,14 +26,6 @@ pub(super) struct Config {
 pub(super) struct AntennaTable {
     pub(super) name: String,
     pub(super) position_m: Option<[f64; 3]>,
-}
-
-/// A further point of the body.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct PointTable {
-    pub(super) name: String,
-    pub(super) position_m: [f64; 3],
 }
 
 /// The method's settings; every key has a default.
@@ -123,22 +117,18 @@ impl Config {
             roll_sd_deg,
             max_angle_sd_deg,
         } = self.orient;
-        for (key, value, least) in [
-            ("match_window_s", match_window_s, 0.0),
-            ("array_sd_m", array_sd_m, 0.0),
-            ("sd_north_m", sd_north_m, 1e-6),
-            ("sd_east_m", sd_east_m, 1e-6),
-            ("sd_down_m", sd_down_m, 1e-6),
-            ("max_tilt_deg", max_tilt_deg, 0.0),
-            ("roll_sd_deg", roll_sd_deg, 0.0),
-            ("max_angle_sd_deg", max_angle_sd_deg, 1e-3),
+        for (key, value, range) in [
+            ("match_window_s", match_window_s, 0.0..=3600.0),
+            ("array_sd_m", array_sd_m, 0.0..=10.0),
+            ("sd_north_m", sd_north_m, 1e-6..=1e3),
+            ("sd_east_m", sd_east_m, 1e-6..=1e3),
+            ("sd_down_m", sd_down_m, 1e-6..=1e3),
+            ("max_tilt_deg", max_tilt_deg, 0.0..=180.0),
+            ("roll_sd_deg", roll_sd_deg, 0.0..=180.0),
+            ("max_angle_sd_deg", max_angle_sd_deg, 1e-3..=180.0),
         ] {
-            if value.is_nan() || value < least {
-                return Err(UsageError(format!(
-                    "orient.{key} = {value}: at least {least} is expected"
-                )));
-            }
+            check_range(&format!("orient.{key}"), value, range)?;
         }
-        Ok(())
+        self.point.iter().try_for_each(PointTable::check)
     }
 }

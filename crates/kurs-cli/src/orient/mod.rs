@@ -13,7 +13,7 @@ use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
 use kurs::orientation::lengths::Length;
 use kurs::orientation::{FittedEpoch, Method, Orienter, OrienterSettings, PositionEpoch};
-use kurs::solution::EpochSolution;
+use kurs::solution::{EpochSolution, Outcome};
 use kurs_formats::positions::nmea::{Date, NmeaOptions};
 use rayon::prelude::*;
 
@@ -21,9 +21,10 @@ use crate::config_file;
 use crate::failure::{ExitCode, RequiredFix, UsageError};
 use crate::interrupt::Watch;
 use crate::output::{self, OutputFile, OutputFolder};
+use crate::pipe::InputFile;
 use crate::progress::{Progress, Work};
 use crate::report::{Report, Words};
-use crate::summary::Summary;
+use crate::summary::{Summary, damaged};
 use crate::table::TableFormat;
 use crate::tables::Tables;
 use crate::window::Window;
@@ -120,11 +121,12 @@ fn date(text: &str) -> Result<Date, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     args.window.check()?;
-    let config: Config = config_file::read_with(&args.config, &args.set, "orient")?;
+    let file = InputFile::open(&args.config)?;
+    let config: Config = config_file::read_with(file.path(), &args.set, "orient")?;
     config.check()?;
     let given = config.array()?;
     let names = config.names();
-    let inputs = positions::files(&args.positions, &names);
+    let inputs = positions::files(&args.positions, &names)?;
     let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
     let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
     let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
@@ -133,7 +135,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if input.epochs.is_empty() {
         let files = args.positions.join(", ");
         let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
-        bail!("no position of the antennas {} in {files}{notes}", names.join(", "));
+        let why = if notes.is_empty() { damaged(&input.damage) } else { notes };
+        bail!("no position of the antennas {} in {files}{why}", names.join(", "));
     }
     if !args.quiet {
         input.notes.iter().for_each(|note| eprintln!("{note}"));
@@ -144,8 +147,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         None => estimated_array(&input, &names, folder.path())?,
     };
     let orienter = orienter(args, &config, array, &input)?;
+    let present = input.antennas();
     let watch = Watch::begin();
-    let mut outputs = Outputs::create(folder.path(), args, &config)?;
+    let mut outputs = Outputs::create(folder.path(), args, &config, present.len() >= 2)?;
     outputs.write_all(&orienter, &input.epochs, &watch)?;
     let Outputs { mut summary, tables, progress, report, .. } = outputs;
     let wall_s = progress.finish();
@@ -153,7 +157,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         summary.interrupt();
     }
 
-    let text = std::fs::read_to_string(&args.config).unwrap_or_default();
+    let text = config_file::text(file.path())?;
     let file = summary.file(&text, &input.damage, wall_s);
     for tables in tables {
         tables.finish()?;
@@ -173,12 +177,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     output::write_json(folder.path(), "summary.json", &file)?;
     folder.publish()?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&file)?);
+        output::print_json(&file)?;
     } else if !args.quiet {
-        println!("{}\nwritten to {}", summary.text(), args.out.display());
+        let (text, out) = (summary.text(), args.out.display());
+        output::print(format_args!("{text}\nwritten to {out}\n"))?;
     }
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
+    }
+    if let [only] = present.into_iter().collect::<Vec<_>>()[..] {
+        bail!("only antenna {} has positions: an attitude needs those of two", names[only]);
     }
     match summary.main_reason() {
         Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
@@ -193,10 +201,17 @@ struct Outputs {
     report: Option<Report>,
     progress: Progress,
     done: usize,
+    /// Two antennas have positions, if not at one time.
+    is_capable: bool,
 }
 
 impl Outputs {
-    fn create(folder: &Path, args: &Args, config: &Config) -> anyhow::Result<Self> {
+    fn create(
+        folder: &Path,
+        args: &Args,
+        config: &Config,
+        is_capable: bool,
+    ) -> anyhow::Result<Self> {
         let points: Vec<String> = config.point.iter().map(|point| point.name.clone()).collect();
         let tables = args
             .format
@@ -208,6 +223,7 @@ impl Outputs {
             report: args.report.then(|| Report::new(config.names(), &config.places())),
             progress: Progress::start(args.quiet, Work::ORIENT),
             done: 0,
+            is_capable,
         })
     }
 
@@ -227,7 +243,11 @@ impl Outputs {
         while let Some(block) = fitted {
             let write = || -> anyhow::Result<()> {
                 for epoch in &block {
-                    self.write(&orienter.row(epoch, &mut memory), epochs.len())?;
+                    let mut row = orienter.row(epoch, &mut memory);
+                    if !self.is_capable {
+                        row.outcome = Outcome::NotCapable;
+                    }
+                    self.write(&row, epochs.len())?;
                 }
                 Ok(())
             };

@@ -1,5 +1,6 @@
 //! Files of coordinates become epochs: told apart by content, matched in time.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use kurs::frames::Geodetic;
@@ -32,6 +33,17 @@ pub(super) struct Positions {
     pub(super) notes: Vec<String>,
 }
 
+impl Positions {
+    /// The antennas, by their places in the configuration, that have a position at any time.
+    pub(super) fn antennas(&self) -> BTreeSet<usize> {
+        let present = |epoch: &PositionEpoch| -> Vec<usize> {
+            let antennas = epoch.antennas.iter().enumerate();
+            antennas.filter_map(|(place, fix)| fix.is_some().then_some(place)).collect()
+        };
+        self.epochs.iter().flat_map(present).collect()
+    }
+}
+
 /// An NMEA log, read.
 struct Log {
     antenna: usize,
@@ -49,8 +61,9 @@ pub(super) fn read(
     let mut fixes: Vec<PositionFix> = Vec::new();
     let mut positions = Positions::default();
     let mut logs: Vec<Log> = Vec::new();
+    let mut unasked: Vec<(String, String)> = Vec::new();
     for (place, argument) in files.iter().enumerate() {
-        let (name, path) = split_argument(argument, &names);
+        let (name, path) = split_argument(argument, &names)?;
         let file = InputFile::open(&path)?;
         let mut source = Source::open(file.path())?;
         let mut log = DamageLog::default();
@@ -64,7 +77,10 @@ pub(super) fn read(
                 logs.push(Log { antenna, path: path.display().to_string(), sentences });
             }
             Content::Text(_) => {
-                csv::read(&mut source, &names, &mut log, |fix| fixes.push(fix))?;
+                let others = csv::read(&mut source, &names, &mut log, |fix| fixes.push(fix))?;
+                let told = |(name, rows)| format!("{rows} rows of `{name}`, which is no antenna");
+                let told = others.into_iter().map(told);
+                unasked.extend(told.map(|what| (path.display().to_string(), what)));
             }
             found => {
                 let expected = "a table of coordinates (CSV) or an NMEA log";
@@ -74,8 +90,9 @@ pub(super) fn read(
         let name = path.display().to_string();
         positions.damage.extend(log.listed().iter().map(|d| Damage::new(name.clone(), d)));
     }
-    for note in silent(&logs, &fixes).into_iter().chain(fill_separations(&logs, &mut fixes)) {
-        let damage = Damage { file: note.0.clone(), line: 1, what: note.1.clone() };
+    let silent = silent(&logs, &fixes);
+    for note in unasked.into_iter().chain(silent).chain(fill_separations(&logs, &mut fixes)) {
+        let damage = Damage::at(note.0.clone(), 1, note.1.clone());
         positions.damage.push(damage);
         positions.notes.push(format!("{}: {}", note.0, note.1));
     }
@@ -87,8 +104,8 @@ pub(super) fn read(
 }
 
 /// The files of the arguments.
-pub(super) fn files(arguments: &[String], names: &[String]) -> Vec<PathBuf> {
-    arguments.iter().map(|argument| split_argument(argument, names).1).collect()
+pub(super) fn files(arguments: &[String], names: &[String]) -> Result<Vec<PathBuf>, UsageError> {
+    arguments.iter().map(|argument| Ok(split_argument(argument, names)?.1)).collect()
 }
 
 /// Logs without a position, and why they have none.
@@ -136,12 +153,20 @@ fn doubt(quality: Quality) -> Option<Reason> {
 }
 
 /// `NAME=FILE` with the name of an antenna, or just a file.
-fn split_argument<'a>(argument: &'a str, names: &[String]) -> (Option<&'a str>, PathBuf) {
+fn split_argument<'a>(
+    argument: &'a str,
+    names: &[String],
+) -> Result<(Option<&'a str>, PathBuf), UsageError> {
     match argument.split_once('=') {
         Some((name, file)) if names.iter().any(|known| known == name) => {
-            (Some(name), PathBuf::from(file))
+            Ok((Some(name), PathBuf::from(file)))
         }
-        _ => (None, PathBuf::from(argument)),
+        // A = in a file name names no antenna.
+        Some((name, _)) if !Path::new(argument).exists() => Err(UsageError(format!(
+            "{argument}: `{name}` is no antenna, expected one of {}",
+            names.join(", ")
+        ))),
+        _ => Ok((None, PathBuf::from(argument))),
     }
 }
 

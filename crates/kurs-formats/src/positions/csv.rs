@@ -6,6 +6,8 @@
 //! Optional: `sd_north_m, sd_east_m, sd_down_m`, and `status` with the words of Kurs, by which rows
 //! without a solution are left out. Other columns are passed over.
 
+use std::collections::BTreeMap;
+
 use kurs::frames::{Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
@@ -24,6 +26,15 @@ struct Columns {
     count: usize,
 }
 
+/// What a row says.
+enum Row<'a> {
+    Fix(PositionFix),
+    /// By its own word.
+    WithoutSolution,
+    /// An antenna that is not asked for.
+    OfAnother(&'a str),
+}
+
 enum TimeColumns {
     WeekTow([usize; 2]),
     Utc(usize),
@@ -35,7 +46,11 @@ enum PlaceColumns {
     Ecef([usize; 3]),
 }
 
-/// Reads a table; `antennas` are the names that count, rows of others are passed over.
+/// Other names that are told; a column of numbers must not fill the memory.
+const OTHERS_MAX: usize = 100;
+
+/// Reads a table; `antennas` are the names that count, rows of others are passed over: returns these names (a hundred
+/// at most) with the numbers of their rows.
 ///
 /// Rows that cannot be used are noted in `damage`, the rest is read.
 ///
@@ -47,26 +62,31 @@ pub fn read(
     antennas: &[String],
     damage: &mut DamageLog,
     mut take: impl FnMut(PositionFix),
-) -> Result<(), ReadError> {
+) -> Result<BTreeMap<String, u64>, ReadError> {
     let expected = "a table with a header line of column names";
     if !source.advance()? {
         return Err(source.wrong_content("an empty file", expected));
     }
     let header = String::from_utf8_lossy(source.line()).into_owned();
     let columns = Columns::of(&header).map_err(|what| source.bad_line(what))?;
+    let mut others = BTreeMap::new();
     while source.advance()? {
         let number = source.line_number();
         let line = source.line();
         if line.trim_ascii().is_empty() {
             continue;
         }
-        match columns.fix(line, antennas) {
-            Ok(Some(fix)) => take(fix),
-            Ok(None) => {}
+        match columns.row(line, antennas) {
+            Ok(Row::Fix(fix)) => take(fix),
+            Ok(Row::WithoutSolution) => {}
+            Ok(Row::OfAnother(name)) if others.len() < OTHERS_MAX || others.contains_key(name) => {
+                *others.entry(name.to_owned()).or_default() += 1;
+            }
+            Ok(Row::OfAnother(_)) => {}
             Err(what) => damage.note(number, what),
         }
     }
-    Ok(())
+    Ok(others)
 }
 
 impl Columns {
@@ -106,8 +126,8 @@ impl Columns {
         })
     }
 
-    /// One row; `None` for an antenna that is not asked for.
-    fn fix(&self, line: &[u8], antennas: &[String]) -> Result<Option<PositionFix>, String> {
+    /// One row.
+    fn row<'a>(&self, line: &'a [u8], antennas: &[String]) -> Result<Row<'a>, String> {
         const MOST: usize = 64;
         let mut fields = [&[][..]; MOST];
         let mut count = 0;
@@ -122,7 +142,7 @@ impl Columns {
         }
         let name = text(fields[self.name])?;
         let Some(antenna) = antennas.iter().position(|antenna| antenna == name) else {
-            return Ok(None);
+            return Ok(Row::OfAnother(name));
         };
         let numbers = |columns: &[usize; 3]| -> Result<[f64; 3], String> {
             Ok([
@@ -150,7 +170,7 @@ impl Columns {
                     .ok_or_else(|| format!("no time: `{word}`"))?
             }
         };
-        let Some(quality) = self.quality(&fields)? else { return Ok(None) };
+        let Some(quality) = self.quality(&fields)? else { return Ok(Row::WithoutSolution) };
         let position_m = match &self.place {
             PlaceColumns::Ecef(columns) => {
                 let [x, y, z] = numbers(columns)?;
@@ -178,7 +198,7 @@ impl Columns {
             }
             _ => None,
         };
-        Ok(Some(PositionFix {
+        Ok(Row::Fix(PositionFix {
             time,
             antenna,
             position_m,
@@ -265,7 +285,16 @@ mod tests {
         let (mut found, mut damage) = (Vec::new(), DamageLog::default());
         let names = ["bow".to_owned(), "stern".to_owned()];
         let result = read(&mut source, &names, &mut damage, |fix| found.push(fix));
-        (result.map(|()| found), damage)
+        (result.map(|_| found), damage)
+    }
+
+    #[test]
+    fn the_rows_of_others_are_counted() {
+        let text = "gps_week,tow_s,name,x_m,y_m,z_m\n\
+                    2200,1,bow,6378137,0,0\n2200,1, mast ,6378137,0,0\n2200,2,mast,6378137,0,0\n";
+        let mut source = Source::new(text.as_bytes(), "t.csv").unwrap();
+        let others = read(&mut source, &["bow".to_owned()], &mut DamageLog::default(), |_| {});
+        assert_eq!(others.unwrap(), BTreeMap::from([("mast".to_owned(), 2)]));
     }
 
     #[test]

@@ -188,6 +188,39 @@ fn logs_that_give_nothing_say_why() {
     assert_eq!((code, rows.len()), (0, 10));
 }
 
+/// Positions that cannot be used are no riddle: other names, values that are none, one antenna alone.
+#[test]
+fn positions_that_are_left_out_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), &LOG.text(), "");
+    let said = |file: &str, code: i32| {
+        let run = kurs(folder.path(), &["orient", "two.toml", file]).code(code);
+        String::from_utf8_lossy(&run.get_output().stderr).into_owned()
+    };
+    let table = |header: &str, rows: &str| {
+        fs::write(folder.path().join("table.csv"), format!("{header}\n{rows}")).unwrap();
+    };
+    let header = "gps_week,tow_s,name,x_m,y_m,z_m,sd_north_m,sd_east_m,sd_down_m";
+    let row = |name: &str, sd: &str| format!("2300,5,{name},6378137.0,0.0,0.0,{sd},{sd},{sd}\n");
+
+    table(header, &(row("A", "0.01") + &row("BB", "0.01")));
+    let told = said("table.csv", 1);
+    assert!(told.contains("table.csv: 1 rows of `BB`, which is no antenna"), "{told}");
+    assert!(told.contains("only antenna A has positions"), "{told}");
+
+    table(header, &(row("A", "-0.01") + &row("B", "-0.01")));
+    let told = said("table.csv", 1);
+    assert!(told.contains("2 damaged places, first: table.csv:2: standard deviations"), "{told}");
+
+    let told = said("C=A.nmea", 2);
+    assert!(told.contains("C=A.nmea: `C` is no antenna, expected one of A, B"), "{told}");
+
+    let told = said("A=A.nmea", 1);
+    assert!(told.contains("only antenna A has positions"), "{told}");
+    let rows = fs::read_to_string(folder.path().join("kurs-out/orient/attitude.csv")).unwrap();
+    assert_eq!(rows.matches(",not_capable,few_antennas,").count(), 10, "{rows}");
+}
+
 /// The words of Kurs in a table count, too.
 #[test]
 fn the_status_of_a_table_counts() {

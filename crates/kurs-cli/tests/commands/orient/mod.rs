@@ -266,12 +266,16 @@ fn wrong_input_is_named() {
     write("three.toml", &array);
     write("some.toml", &array.replacen("position_m = [0.0, 0.0, 0.0]", "", 1));
     write("unknown.toml", &format!("{array}[orient]\nmatch_window = 1.0\n"));
+    write("vague.toml", &format!("{array}[orient]\nmax_angle_sd_deg = 1e99\n"));
+    write("wide.toml", &format!("{array}[orient]\narray_sd_m = 1e6\n"));
     for (config, positions, code, word) in [
         ("three.toml", "empty.csv", 1, "empty"),
         ("three.toml", "header.csv", 1, "gps_week"),
         ("three.toml", "absent.csv", 1, "absent.csv"),
         ("some.toml", "good.csv", 2, "2 of 3 antennas"),
         ("unknown.toml", "good.csv", 2, "match_window_s"),
+        ("vague.toml", "good.csv", 2, "expected 0.001 to 180"),
+        ("wide.toml", "good.csv", 2, "orient.array_sd_m is 1000000, expected 0 to 10"),
     ] {
         let run = kurs(folder.path(), &["orient", config, positions]).code(code);
         let message = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
