@@ -13,8 +13,9 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::session::Session;
-use crate::config_file;
+use crate::config_file::{self, check_range};
 use crate::failure::UsageError;
+use crate::pipe;
 
 /// Keys of `[plan]` that something else may say.
 const KEYS: [&str; 9] = [
@@ -129,6 +130,14 @@ pub(super) struct BodyMask {
     pub(super) elevation_deg: f64,
 }
 
+impl BodyMask {
+    fn check(&self) -> Result<(), UsageError> {
+        check_range("mask.from_deg", self.from_deg, -360.0..=360.0)?;
+        check_range("mask.to_deg", self.to_deg, -360.0..=360.0)?;
+        check_range("mask.elevation_deg", self.elevation_deg, 0.0..=90.0)
+    }
+}
+
 /// `[plan]`; every key has a default.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -225,7 +234,7 @@ impl Settings {
     }
 
     /// Refuses numbers that no sky or antenna has.
-    pub(super) fn check(&self) -> Result<(), UsageError> {
+    fn check(&self) -> Result<(), UsageError> {
         let ranges = [
             ("latitude_deg", self.latitude_deg, -90.0, 90.0),
             ("longitude_deg", self.longitude_deg, -360.0, 360.0),
@@ -238,10 +247,7 @@ impl Settings {
             ("step_s", self.step_s, 1.0, 86_400.0),
         ];
         for (key, found, least, most) in ranges {
-            if !(least..=most).contains(&found) {
-                let message = format!("plan.{key} is {found}, expected {least} to {most}");
-                return Err(UsageError(message));
-            }
+            check_range(&format!("plan.{key}"), found, least..=most)?;
         }
         if self.bands.is_empty() {
             return Err(UsageError("plan.bands is empty".to_owned()));
@@ -284,11 +290,24 @@ impl ArrayFile {
         if inherit("bands", solve.bands.is_some()) {
             plan.bands = solve.bands.take().unwrap_or_default();
         }
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = pipe::folder_of(path);
         file.nav.files.iter_mut().for_each(|nav| *nav = folder.join(&*nav));
         let obs = file.antenna.iter_mut().flat_map(|antenna| &mut antenna.obs);
         obs.for_each(|obs| *obs = folder.join(&*obs));
         Ok(file)
+    }
+
+    /// Refuses what no sky, antenna or body has.
+    pub(super) fn check(&self) -> Result<(), UsageError> {
+        self.plan.check()?;
+        self.mask.iter().try_for_each(BodyMask::check)?;
+        let names = self.names();
+        for (index, name) in names.iter().enumerate() {
+            if names[..index].contains(name) {
+                return Err(UsageError(format!("two antennas are named `{name}`")));
+            }
+        }
+        Ok(())
     }
 
     /// Observation files that the file names.
@@ -364,8 +383,11 @@ impl ArrayFile {
             })?;
             Ok(Vector::new(x, y, z))
         };
-        AntennaArray::new(self.antenna.iter().map(position).collect::<Result<_, UsageError>>()?)
-            .map_err(|error| UsageError(format!("[[antenna]]: {error}")))
+        let usage = |error| UsageError(format!("[[antenna]]: {error}"));
+        let positions = self.antenna.iter().map(position).collect::<Result<_, UsageError>>()?;
+        let array = AntennaArray::new(positions).map_err(usage)?;
+        array.check_extent().map_err(usage)?;
+        Ok(array)
     }
 
     /// All baselines with their weights.

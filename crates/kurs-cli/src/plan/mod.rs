@@ -31,6 +31,7 @@ use self::session::Session;
 use self::sky::Sky;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFolder};
+use crate::pipe::InputFile;
 use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
@@ -43,7 +44,7 @@ const SAMPLED_EPOCHS: usize = 24;
 const MAX_EPOCHS: f64 = 100_000.0;
 
 /// Predicted accuracy of an antenna array, its weak axis, and the baselines worth processing.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Args {
     /// Antennas (`[[antenna]]` with `name` and `position_m`) and what is planned for (`[plan]`), or
     /// the configuration of `kurs solve`
@@ -132,9 +133,11 @@ struct Plan {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let input = InputFile::open(&args.array)?;
+    let args = &Args { array: input.path().to_owned(), ..args.clone() };
     let mut file = ArrayFile::read(&args.array, &args.set)?;
     file.plan.step_s = args.every.unwrap_or(file.plan.step_s);
-    file.plan.check()?;
+    file.check()?;
     let array = file.array()?;
     let baselines = file.baselines(&array)?;
     let mut notes = Vec::new();
@@ -147,6 +150,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some(session) => Sky::Broadcast(Box::new(session.navigation)),
         None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
     };
+    sky.check(&file.plan.bands()?)?;
     let start = args.at.or(first).unwrap_or_else(|| sky.start());
     let duration_s = match args.to {
         Some(to) if to < start => {
@@ -178,10 +182,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     report::write_page(&plan, folder.path())?;
     folder.publish()?;
     if args.json {
-        println!("{document:#}");
+        output::print_json(&document)?;
     } else if !args.quiet {
-        report::print(&plan);
-        println!("\nwritten: {0}/plan.json, {0}/plan.html", args.out.display());
+        let (told, out) = (report::text(&plan), args.out.display());
+        output::print(format_args!("{told}\nwritten: {out}/plan.json, {out}/plan.html\n"))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -26,22 +26,22 @@ const WHEN_THE_CHOICE_MATTERS: &str = "With the full covariance of the baselines
 /// Rows of text under a header.
 type Rows = Vec<Vec<String>>;
 
-/// Prints the plan.
-pub(super) fn print(plan: &Plan) {
-    println!("{}\n", summary(plan));
+/// The plan for the terminal.
+pub(super) fn text(plan: &Plan) -> String {
+    let mut text = format!("{}\n\n", summary(plan));
     for note in &plan.notes {
-        println!("Note: {note}\n");
+        text += &format!("Note: {note}\n\n");
     }
     for (title, header, rows) in tables(plan) {
-        println!("{title}");
         let mut table = Table::new();
         table.load_preset(presets::UTF8_FULL_CONDENSED).set_header(header);
         table.add_rows(rows);
-        println!("{table}\n");
+        text += &format!("{title}\n{table}\n\n");
     }
     for remark in remarks(plan) {
-        println!("{remark}");
+        text += &format!("{remark}\n");
     }
+    text
 }
 
 /// Writes `plan.html`.

@@ -54,6 +54,20 @@ impl Sky {
         }
     }
 
+    /// Refuses bands of which it has no satellite.
+    pub(super) fn check(&self, bands: &[Band]) -> Result<(), UsageError> {
+        let is_nominal = matches!(self, Self::Nominal);
+        if !is_nominal || bands.iter().any(|band| nominal(band.system).is_some()) {
+            return Ok(());
+        }
+        let bands: Vec<String> = bands.iter().map(Band::to_string).collect();
+        Err(UsageError(format!(
+            "plan.bands: the nominal sky has GPS, Galileo, BeiDou and GLONASS, and none of {}: give navigation \
+             files with --nav",
+            bands.join(", ")
+        )))
+    }
+
     /// The instant to begin with if none is given: the first reference time of the files.
     pub(super) fn start(&self) -> GpsTime {
         match self {
@@ -141,7 +155,10 @@ fn is_hidden(direction: &Vector<Ned>, file: &ArrayFile) -> bool {
     let from_nose_deg = (u.y.atan2(u.x).to_degrees() - file.plan.heading_deg).rem_euclid(360.0);
     elevation_deg < file.plan.elevation_mask_deg
         || file.mask.iter().any(|mask| {
-            let width_deg = (mask.to_deg - mask.from_deg).rem_euclid(360.0);
+            let span_deg = mask.to_deg - mask.from_deg;
+            // From 0 to 360 is all around.
+            let is_turn = span_deg != 0.0 && span_deg % 360.0 == 0.0;
+            let width_deg = if is_turn { 360.0 } else { span_deg.rem_euclid(360.0) };
             let inside = (from_nose_deg - mask.from_deg).rem_euclid(360.0) <= width_deg;
             inside && elevation_deg < mask.elevation_deg
         })
@@ -228,5 +245,12 @@ mod tests {
         assert!(!is_hidden(&towards(90.0, 50.0), &file), "ahead, above it");
         assert!(!is_hidden(&towards(105.0, 40.0), &file), "beside it");
         assert!(is_hidden(&towards(180.0, 5.0), &file), "below the elevation mask");
+        for (from, to) in [("0.0", "360.0"), ("-180.0", "180.0"), ("90.0", "-270.0")] {
+            let text = text.replace("350.0", from).replace("10.0", to);
+            let file: ArrayFile = crate::config_file::parse(&text, "test").unwrap();
+            let is_all_around =
+                (0..36).all(|k| is_hidden(&towards(10.0 * f64::from(k), 40.0), &file));
+            assert!(is_all_around, "from {from} to {to}");
+        }
     }
 }

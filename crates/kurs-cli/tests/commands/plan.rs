@@ -178,14 +178,23 @@ fn wrong_files_are_usage_errors_that_name_the_key() {
     let weight = |rover: &str, weight: &str| {
         with(&format!("[[baseline]]\nbetween = [\"bow\", \"{rover}\"]\nweight = {weight}"))
     };
+    let mask = |from: &str, to: &str, elevation: &str| {
+        with(&format!("[[mask]]\nfrom_deg = {from}\nto_deg = {to}\nelevation_deg = {elevation}"))
+    };
     for (text, expected) in [
         (one.to_owned(), "1 antenna"),
-        (format!("{one}{one}"), "apart"),
+        (format!("{one}{}", one.replace("\"a\"", "\"b\"")), "apart"),
         (ROOF.replace("step_s", "step"), "did you mean `step_s`"),
         (ROOF.replacen("position_m = [-1.5, -0.6, 0.0]", "", 1), "`port` has no `position_m`"),
         (ROOF.replace("1800.0", "nan"), "plan.step_s is NaN"),
         (ROOF.replace("-1.5", "inf"), "not a finite number"),
         (with(r#"criterion = "best""#), "unknown variant `best`"),
+        (ROOF.replace("\"port\"", "\"bow\""), "two antennas are named `bow`"),
+        (ROOF.replace("-1.5, -0.6", "-1e9, -0.6"), "at most 100000 m make sense"),
+        (with(r#"bands = ["J1"]"#), "none of J1: give navigation files with --nav"),
+        (mask("0.0", "1e9", "30.0"), "mask.to_deg is 1000000000, expected -360 to 360"),
+        (mask("nan", "10.0", "30.0"), "mask.from_deg is NaN"),
+        (mask("0.0", "10.0", "-50.0"), "mask.elevation_deg is -50, expected 0 to 90"),
         (with(r#"bands = ["X9"]"#), "plan.bands"),
         (weight("mast", "1.0"), "`mast`"),
         (weight("bow", "1.0"), "named twice"),
