@@ -10,6 +10,7 @@ use kurs::observation::ArrayEpoch;
 use kurs::orientation::survey::{Survey, SurveyedArray};
 use serde::Serialize;
 
+use crate::copies::Copies;
 use crate::failure::ExitCode;
 use crate::interrupt::Watch;
 use crate::output::{self, OutputFile, OutputFolder};
@@ -53,17 +54,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Input { navigation, mut streams, phase_centers, .. } = Input::open(loaded)?;
     let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
-    let mut survey = Survey::new(names.len());
+    let (mut survey, mut copies) = (Survey::new(names.len()), Copies::default());
     let mut progress = Progress::start(args.quiet, Work::SURVEY);
     let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
     while !watch.asks_to_end() && streams.next(&mut epoch)? {
         streams.news(&epoch).iter().for_each(|news| engine.insert(news));
+        copies.add(&epoch);
         let row = engine.push(&epoch);
         survey.add(&row);
         progress.epoch(row.is_fixed(), || streams.share());
     }
     progress.finish();
+    if let Some(text) = copies.text(&names) {
+        bail!("{text}");
+    }
 
     let named = |error: kurs::orientation::geometry::GeometryError| {
         anyhow::anyhow!("{error} (antennas are counted from 0: {})", names.join(", "))
@@ -89,10 +94,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     folder.publish()?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&surveyed)?);
+        output::print_json(&surveyed)?;
     } else if !args.quiet {
-        print!("{told}");
-        println!("written to {}", args.out.join("array.toml").display());
+        let array = args.out.join("array.toml");
+        output::print(format_args!("{told}written to {}\n", array.display()))?;
     }
     Ok(watch.status(ExitCode::SUCCESS))
 }

@@ -363,6 +363,9 @@ fn one_file_for_two_antennas() {
     kurs().arg("doctor").args(files).assert().success();
     let text = fs::read_to_string(folder.path().join("two/doctor.json")).unwrap();
     assert!(text.contains("antennas A and B have the same observations"), "{text}");
+    let surveyed = kurs().arg("survey").args(files).assert().code(1);
+    let said = String::from_utf8_lossy(&surveyed.get_output().stderr).into_owned();
+    assert!(said.contains("antennas A and B have the same observations"), "{said}");
     kurs().arg("solve").args(files).assert().code(3);
     let rows = fs::read_to_string(folder.path().join("two/attitude.csv")).unwrap();
     assert!(rows.lines().skip(1).all(|row| row.contains(",inconsistent,geometry,")), "{rows}");
