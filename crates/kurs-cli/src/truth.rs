@@ -1,7 +1,6 @@
 //! A solution laid against the truth of a simulation: `truth.csv`, and `ambiguities.csv` beside it.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::Context;
@@ -10,6 +9,9 @@ use kurs::solution::{EpochSolution, IntegerSum, Outcome};
 use kurs::time::GpsTime;
 use nalgebra::Vector3;
 use serde::Deserialize;
+
+use crate::pipe::InputFile;
+use crate::text_file::TextFile;
 
 /// Names of the three angles in the columns of `truth.csv`.
 const ANGLES: [&str; 3] = ["heading_deg", "pitch_deg", "roll_deg"];
@@ -60,6 +62,8 @@ struct CyclesRow {
 /// How a solution agrees with the truth, over its fixed epochs.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Agreement {
+    /// Rows of which the truth is known.
+    known: u64,
     fixed: u64,
     wrong: u64,
     /// Of every angle: how many, sum of squares (degrees²), sum of squares over variance.
@@ -70,8 +74,8 @@ impl Truth {
     /// Reads the table that `kurs simulate` wrote; `antennas` are the names in order.
     pub(crate) fn read(path: &Path, antennas: &[String]) -> anyhow::Result<Self> {
         let context = || path.display().to_string();
-        let file = File::open(path).with_context(context)?;
-        let mut reader = csv::Reader::from_reader(file);
+        let input = InputFile::open(path)?;
+        let mut reader = csv::Reader::from_reader(TextFile::open(input.path())?);
         let header = reader.headers().with_context(context)?.clone();
         let column = |name: &str| {
             header
@@ -91,7 +95,11 @@ impl Truth {
             let record = record.with_context(context)?;
             let number = |column: usize| -> anyhow::Result<f64> {
                 let text = record.get(column).unwrap_or_default();
-                text.parse().with_context(|| format!("{}: {text:?}", path.display()))
+                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+                number.with_context(|| {
+                    let line = record.position().map_or(0, csv::Position::line);
+                    format!("{}:{line}: `{text}` found, a number expected", path.display())
+                })
             };
             let week: i32 =
                 record.get(times[0]).unwrap_or_default().parse().with_context(context)?;
@@ -144,7 +152,7 @@ impl Cycles {
         let (first, second) = (times.next(), times.next());
         let interval_s = first.zip(second).map_or(SAME_EPOCH_S, |(one, next)| *next - *one);
         let mut cycles = Self { half_interval_s: interval_s / 2.0, ..Self::default() };
-        let mut reader = csv::Reader::from_path(path).with_context(context)?;
+        let mut reader = csv::Reader::from_reader(TextFile::open(path)?);
         for row in reader.deserialize() {
             let row: CyclesRow = row.with_context(context)?;
             let Some(antenna) = antennas.iter().position(|name| *name == row.antenna) else {
@@ -175,6 +183,7 @@ impl Cycles {
 impl Agreement {
     /// Takes one epoch into account; only fixed ones count.
     pub(crate) fn add(&mut self, row: &EpochSolution, known: &TruthRow, truth: &Truth) {
+        self.known += 1;
         let Outcome::Fixed { attitude } = &row.outcome else { return };
         self.fixed += 1;
         self.wrong += u64::from(truth.is_wrong(row, known));
@@ -192,6 +201,9 @@ impl Agreement {
 
     /// A small table: what was found, under which name; `criterion` says what makes an epoch wrong.
     pub(crate) fn rows(&self, criterion: &str) -> Vec<[String; 2]> {
+        if self.known == 0 {
+            return vec![["rows".to_owned(), "none is of a time that the truth has".to_owned()]];
+        }
         let mut rows = vec![
             ["fixed".to_owned(), self.fixed.to_string()],
             [criterion.to_owned(), self.wrong.to_string()],
@@ -260,6 +272,19 @@ mod tests {
             row.baselines = vec![with(east_m, sd_m)];
             assert_eq!(is_off(&row, &truth), wrong, "{east_m} {sd_m}");
         }
+    }
+
+    #[test]
+    fn a_truth_is_of_numbers_and_of_the_session() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("truth.csv");
+        let text = "gps_week,tow_s,heading_deg,pitch_deg,roll_deg\n2305,0,0,0,0\n2305,1,NaN,0,0\n";
+        std::fs::write(&file, text).unwrap();
+        let error = Truth::read(&file, &[]).unwrap_err().to_string();
+        assert!(error.ends_with("truth.csv:3: `NaN` found, a number expected"), "{error}");
+
+        let [[_, none]] = &Agreement::default().rows("wrong")[..] else { panic!("one row") };
+        assert_eq!(none, "none is of a time that the truth has");
     }
 
     /// A sum of cycles is confirmed by the values in force at its epoch: slips count from their tag on.
