@@ -234,7 +234,9 @@ impl Running {
                     self.note(&format!("{what}; it has worked before and is asked again"));
                 }
                 End::Final(what) => {
-                    return self.note(&format!("{what}; it is not asked again before a restart"));
+                    self.note(&format!("{what}; it is not asked again before a restart"));
+                    // Nobody is to wait for what never came.
+                    return self.input.tell_end(&self.shared.events);
                 }
             }
             if was_open && began.elapsed() > GOOD_AFTER {

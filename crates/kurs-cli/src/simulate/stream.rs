@@ -17,7 +17,9 @@ use kurs_formats::sbf::SbfWriter;
 use kurs_formats::ubx::UbxWriter;
 use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
+use crate::failure::UsageError;
 use crate::interrupt::Watch;
+use crate::output;
 
 /// A client that takes nothing for so long is dropped, so that the others get theirs.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -27,7 +29,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 pub(super) struct StreamArgs {
     /// Sends the observations as live streams at TCP ports of the loopback, from this one on, one for
     /// each antenna (a fixed station last), in place of files. Begins when every port has a client.
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) stream: Option<u16>,
     /// Protocol of the streams.
     #[arg(long, value_enum, value_name = "PROTOCOL", default_value = "ubx", requires = "stream")]
@@ -47,7 +49,7 @@ impl Default for StreamArgs {
 pub(super) fn live_configuration(simulation: &Simulation, first_port: u16) -> String {
     let mut text = String::new();
     let antennas = simulation.scenario().body.first().into_iter().flat_map(|body| &body.antenna);
-    for (antenna, port) in antennas.zip(first_port..) {
+    for (antenna, port) in antennas.zip(first_port..=u16::MAX) {
         let (name, position_m) = (&antenna.name, antenna.position_m);
         text += &format!(
             "[[antenna]]\nname = {name:?}\nstream = \"tcp://127.0.0.1:{port}\"\n\
@@ -81,11 +83,20 @@ pub(super) fn send(
     let bodies = scenario.body.iter().flat_map(|body| &body.antenna).map(|a| a.name.clone());
     let names: Vec<String> =
         bodies.chain(scenario.station.iter().map(|s| s.name.clone())).collect();
-    let listeners = names.iter().zip(first_port..).map(|(name, port)| {
+    let last_port = usize::from(first_port) + names.len() - 1;
+    if last_port > usize::from(u16::MAX) {
+        let text = format!(
+            "--stream {first_port}: {} streams need ports up to {last_port}, of which {} is the last",
+            names.len(),
+            u16::MAX
+        );
+        return Err(UsageError(text).into());
+    }
+    let listeners = names.iter().zip(first_port..=u16::MAX).map(|(name, port)| {
         let listener = TcpListener::bind(("127.0.0.1", port));
         let listener = listener.with_context(|| format!("port {port} for antenna {name}"))?;
         if !is_quiet {
-            println!("{name}: stream = \"tcp://127.0.0.1:{port}\"");
+            output::print(format_args!("{name}: stream = \"tcp://127.0.0.1:{port}\"\n"))?;
         }
         Ok(listener)
     });

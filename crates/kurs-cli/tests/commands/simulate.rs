@@ -314,6 +314,16 @@ fn a_wrong_scenario_is_refused_by_name() {
     let error = String::from_utf8(output.stderr).unwrap();
     assert!(error.contains("s.toml: slips.per_hour: -60, expected from 0 to"), "{error}");
     assert!(!out.exists(), "nothing is written");
+
+    fs::write(&scenario, SCENARIO).unwrap();
+    for (port, expected) in
+        [("65535", "of which 65535 is the last"), ("0", "0 is not in 1..=65535")]
+    {
+        let output = kurs(&["simulate".as_ref(), &scenario, "--stream".as_ref(), port.as_ref()]);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 /// Logs leave out the signals that they have no number for, and say so.
