@@ -112,8 +112,8 @@ impl Truth {
             rows.insert(time, TruthRow { angles_deg, baselines_m: baselines_m? });
         }
         let beside = path.with_file_name(AMBIGUITIES);
-        let cycles =
-            beside.is_file().then(|| Cycles::read(&beside, antennas, &rows)).transpose()?;
+        let is_there = !input.is_copy() && beside.is_file();
+        let cycles = is_there.then(|| Cycles::read(&beside, antennas, &rows)).transpose()?;
         Ok(Self { rows, cycles })
     }
 

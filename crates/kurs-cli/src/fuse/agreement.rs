@@ -13,6 +13,8 @@ const SETTLED_S: f64 = 10.0;
 #[derive(Debug, Default)]
 pub(super) struct Agreement {
     first: Option<GpsTime>,
+    /// The truth has the time of a row.
+    is_known: bool,
     rows: u32,
     squares: [f64; 3],
     normalised: [f64; 3],
@@ -37,6 +39,7 @@ impl Agreement {
         let Some(attitude) = solution.attitude() else { return };
         let first = *self.first.get_or_insert(solution.time);
         let Some(wanted) = truth.at(solution.time) else { return };
+        self.is_known = true;
         if solution.time - first < SETTLED_S {
             return;
         }
@@ -69,6 +72,9 @@ impl Agreement {
 
     /// A line for the terminal.
     pub(super) fn text(&self, what: &str) -> Option<String> {
+        if self.first.is_some() && !self.is_known {
+            return Some(format!("{what} against the truth: no row is of a time that it has"));
+        }
         let errors = self.summary()?;
         Some(format!(
             "{what} against the truth, from {SETTLED_S} s on: heading {:.3}°, pitch {:.3}°, roll \

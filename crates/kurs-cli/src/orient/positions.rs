@@ -78,7 +78,7 @@ pub(super) fn read(
             }
             Content::Text(_) => {
                 let others = csv::read(&mut source, &names, &mut log, |fix| fixes.push(fix))?;
-                let told = |(name, rows)| format!("{rows} rows of `{name}`, which is no antenna");
+                let told = |(name, rows)| format!("rows of `{name}`, which is no antenna: {rows}");
                 let told = others.into_iter().map(told);
                 unasked.extend(told.map(|what| (path.display().to_string(), what)));
             }

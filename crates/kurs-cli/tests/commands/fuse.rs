@@ -306,6 +306,17 @@ fn few_satellites_are_used_as_they_are() {
 }
 
 #[test]
+fn a_truth_of_another_time_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = folder.path().join("truth.csv");
+    fs::write(&truth, "gps_week,tow_s,heading_deg,pitch_deg,roll_deg\n2000,0,0,0,0\n").unwrap();
+    let truth = truth.to_str().unwrap();
+    let more = ["--truth", truth, "--set", "simulate.duration_s=3"];
+    let told = text(&fuse(folder.path(), &example(), &more).stdout);
+    assert!(told.contains("against the truth: no row is of a time that it has"), "{told}");
+}
+
+#[test]
 fn wrong_units_and_wrong_configurations_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -205,7 +205,7 @@ fn positions_that_are_left_out_are_told() {
 
     table(header, &(row("A", "0.01") + &row("BB", "0.01")));
     let told = said("table.csv", 1);
-    assert!(told.contains("table.csv: 1 rows of `BB`, which is no antenna"), "{told}");
+    assert!(told.contains("table.csv: rows of `BB`, which is no antenna: 1"), "{told}");
     assert!(told.contains("only antenna A has positions"), "{told}");
 
     table(header, &(row("A", "-0.01") + &row("B", "-0.01")));
