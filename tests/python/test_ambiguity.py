@@ -96,6 +96,13 @@ def test_array_constrained_keeps_the_array():
 def test_errors():
     with pytest.raises(kurs.NoSolution, match="not positive definite"):
         ambiguity.lambda_([0.1, 0.2], -np.eye(2))
+    for count in (10**12, 2**63):
+        with pytest.raises(ValueError, match=rf"count is {count}, expected at most 89478485 for 1 problem"):
+            ambiguity.lambda_([0.1, 0.2], np.eye(2), count=count)
+    Q = np.eye(5)
+    with pytest.raises(ValueError, match="count is 1000000000000, expected at most"):
+        ambiguity.length_constrained([0.1, 0.2], Q[:2, :2], [1, 0, 0], Q[2:, 2:], Q[:2, 2:], 1.0, count=10**12)
+    assert np.isfinite(ambiguity.lambda_([0.1, 0.2], np.eye(2), count=1000, horizon=5).costs).sum() < 100
     with pytest.raises(ValueError, match=r"Q has the shape \[3, 3\], expected 2 rows and columns"):
         ambiguity.lambda_([0.1, 0.2], np.eye(3))
     many = ambiguity.lambda_(np.zeros((2, 2)), np.stack([np.eye(2), -np.eye(2)]))

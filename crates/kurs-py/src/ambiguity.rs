@@ -9,6 +9,7 @@ use kurs::ambiguity::success_rate::bootstrapped_success_rate;
 use kurs::ambiguity::{AmbiguityError, MixedFloat};
 use nalgebra::{DMatrix, DVector, Vector3};
 use numpy::{AllowTypeChange, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -56,6 +57,24 @@ struct Shapes {
     baselines: usize,
 }
 
+/// Numbers in the candidates of all problems: 2 GB.
+const MAX_NUMBERS: usize = 1 << 28;
+
+impl Shapes {
+    /// Memory that cannot be had ends the interpreter.
+    fn check(&self) -> PyResult<()> {
+        let problems = self.problems.unwrap_or(1).max(1);
+        let most = MAX_NUMBERS / problems / (self.ambiguities + 3 * self.baselines + 1);
+        if self.count <= most {
+            return Ok(());
+        }
+        let (count, ambiguities) = (self.count, self.ambiguities);
+        Err(PyValueError::new_err(format!(
+            "count is {count}, expected at most {most} for {problems} problem(s) of {ambiguities} ambiguities"
+        )))
+    }
+}
+
 impl Candidates {
     fn solve<M>(
         py: Python<'_>,
@@ -63,6 +82,7 @@ impl Candidates {
         memory: impl Fn() -> M + Sync + Send,
         solve: impl Fn(&mut M, usize) -> Result<Found, AmbiguityError> + Sync + Send,
     ) -> PyResult<Self> {
+        shapes.check()?;
         let Shapes { problems, count, ambiguities, baselines } = shapes;
         let results = arrays::solve_all(py, problems, memory, solve);
         let mut errors = Vec::new();

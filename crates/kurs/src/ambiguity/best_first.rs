@@ -187,7 +187,8 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         let n = levels.float.len();
         let (bound, multiplier) = constraint.bound(n, &levels.reals, None);
         self.push(Node::root(n, bound, levels.reals, multiplier));
-        let mut leaves: Vec<Leaf<P>> = Vec::with_capacity(extent.count);
+        // A candidate takes some work.
+        let mut leaves: Vec<Leaf<P>> = Vec::with_capacity(extent.count.min(extent.work_budget));
         loop {
             // The children of a node are without number: the queue is never empty.
             let Some(Queued { bound, node }) = self.queue.pop() else {

@@ -145,15 +145,16 @@ impl IntegerLeastSquares {
         self.nodes = 0;
         let tree = &mut self.tree;
         let n = self.decorrelation.dimension();
-        let mut found: Vec<Leaf> = Vec::with_capacity(count + 1);
         if count == 0 {
-            return Ok((found, 0.0));
+            return Ok((Vec::new(), 0.0));
         }
         let node_budget = if self.success_rate > STRONG {
             self.node_budget.min(self.node_budget_of_strong_models.saturating_mul(n))
         } else {
             self.node_budget
         };
+        // A node gives one vector at most.
+        let mut found: Vec<Leaf> = Vec::with_capacity(count.min(node_budget) + 1);
         let mut radius = f64::INFINITY;
         let mut k = n - 1;
         tree.enter(&self.decorrelation, k, 0.0);
@@ -538,6 +539,9 @@ mod tests {
         assert_eq!(many[..7], few[..]);
         assert_eq!(many.len(), 50);
         assert!(integer_least_squares(&float, &q, 0).unwrap().is_empty());
+        let mut search = IntegerLeastSquares { horizon: 1.0, ..Default::default() };
+        let all = search.solve(&float, &q, usize::MAX).unwrap();
+        assert_eq!(many[..all.len()], all[..]);
     }
 
     #[test]
