@@ -1,10 +1,13 @@
 """The commands through Python: the same rows, the same words."""
 
 import csv
+import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ProcessPoolExecutor
 
 import kurs
 import numpy as np
@@ -78,6 +81,26 @@ def test_errors_have_the_words_of_the_command_line(simulated, tmp_path):
         kurs.solve(config)
 
 
+def solved_elsewhere(config):
+    return kurs.solve(config)
+
+
+def test_solutions_go_from_process_to_process(simulated, solution):
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
+        found = executor.submit(solved_elsewhere, simulated / "kurs.toml").result()
+    assert found.summary["fixed"] == solution.summary["fixed"]
+    assert np.array_equal(found.attitude["heading_deg"], solution.attitude["heading_deg"], equal_nan=True)
+    copied = pickle.loads(pickle.dumps(found))
+    folder = found.folder
+    del found
+    assert not folder.exists() and copied.folder.exists() and copied.baselines.rows == solution.baselines.rows
+
+
+def test_solutions_in_a_folder_stay_there(simulated, tmp_path):
+    kept = pickle.loads(pickle.dumps(kurs.solve(simulated / "kurs.toml", out=tmp_path / "out")))
+    assert kept.folder == tmp_path / "out" and kept.summary["fixed"] > 90
+
+
 def test_tables_for_others(solution, tmp_path):
     import polars as pl
     import pyarrow as pa
@@ -123,6 +146,9 @@ def test_report_and_inspect_and_plan(solution, simulated, tmp_path):
     assert seen[0]["content"] == "observations"
     planned = kurs.plan({"antenna": [{"name": f"A{i}", "position_m": p} for i, p in enumerate(np.eye(3))]}, duration="2h")
     assert 0 < planned["epochs"][0]["heading_sd_deg"] < 5
+    nav = simulated / tomllib.loads((simulated / "kurs.toml").read_text())["nav"]["files"][0]
+    one, listed = (kurs.plan(simulated / "kurs.toml", nav=files, duration="1h") for files in (str(nav), [nav]))
+    assert one == listed
 
 
 def test_stubs_and_package_are_strictly_typed():

@@ -51,6 +51,29 @@ def test_filters(recordings):
         kurs.read_obs("/no/such/file")
 
 
+def test_one_signal_needs_no_list_and_unknown_ones_are_refused(simulated):
+    file = simulated / "A0.rnx"
+    whole = kurs.read_obs(file)
+    assert whole.damage == []
+    wanted = np.char.startswith(whole["signal"], "G1")
+    for signals in ("G1", ["G1"], "G1C"):
+        assert kurs.read_obs(file, signals=signals).rows == wanted.sum() > 0
+    for word in ("foo", "G", "G1CC"):
+        with pytest.raises(ValueError, match=f'signals has "{word}", expected a signal such as "G1C" or a band'):
+            kurs.read_obs(file, signals=[word])
+    with pytest.raises(ValueError, match="systems has 'X', expected letters of \"GECRJIS\""):
+        kurs.read_obs(file, systems="GX")
+
+
+def test_epochs_of_two_antennas_are_no_session(simulated):
+    files = [simulated / "A0.rnx", simulated / "A1.rnx"]
+    found = kurs.read_obs(files)
+    assert found.rows == kurs.read_obs(files[0]).rows
+    (skipped,) = found.damage
+    assert skipped["file"] == str(files[1])
+    assert "101 epochs are not later than the end of the file before, skipped" in skipped["what"]
+
+
 def test_states_of_broadcast_beside_precise_orbits(recordings):
     broadcast = kurs.read_nav(recordings / "orbits/MOJN00DNK_R_20201770000_01D_MN.rnx.gz")
     precise = kurs.read_nav(recordings / "orbits/GRG0MGXFIN_20201770000_01D_15M_ORB.SP3.gz")

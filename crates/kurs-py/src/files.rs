@@ -7,11 +7,12 @@ use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::point::{self, PointSettings};
-use kurs::signal::{Satellite, Signal};
+use kurs::signal::{Band, Satellite, Signal, System};
 use kurs::time::GpsTime;
-use kurs_formats::session::SessionReader;
+use kurs_formats::session::{FileDamage, SessionReader};
 use kurs_formats::source::Source;
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
@@ -129,36 +130,74 @@ fn instants(py: Python<'_>, nanoseconds: Vec<i64>) -> PyResult<Bound<'_, PyAny>>
 
 /// What is asked for; nothing given is everything.
 struct Wanted {
-    systems: Option<String>,
-    signals: Option<Vec<String>>,
+    systems: Option<Vec<System>>,
+    signals: Option<Vec<WantedSignals>>,
     /// Nanoseconds since 1970.
     from: i64,
     to: i64,
 }
 
+/// A signal, or a band for all its signals.
+enum WantedSignals {
+    OfBand(Band),
+    One(Signal),
+}
+
 impl Wanted {
+    fn new(
+        systems: Option<&str>,
+        signals: Option<&[String]>,
+        (from, to): (i64, i64),
+    ) -> PyResult<Self> {
+        let system = |letter: char| {
+            let known = u8::try_from(letter).ok().and_then(System::from_letter);
+            known.ok_or_else(|| {
+                let letters: String = System::ALL.map(System::letter).iter().collect();
+                PyValueError::new_err(format!(
+                    "systems has {letter:?}, expected letters of {letters:?}"
+                ))
+            })
+        };
+        let signal = |word: &String| {
+            let one = word.parse().map(WantedSignals::One);
+            one.or_else(|_| word.parse().map(WantedSignals::OfBand)).map_err(|_| {
+                PyValueError::new_err(format!(
+                    "signals has {word:?}, expected a signal such as \"G1C\" or a band such as \"E5\""
+                ))
+            })
+        };
+        Ok(Self {
+            systems: systems.map(|letters| letters.chars().map(system).collect()).transpose()?,
+            signals: signals.map(|words| words.iter().map(signal).collect()).transpose()?,
+            from,
+            to,
+        })
+    }
+
     fn has(&self, satellite: Satellite, signal: Signal) -> bool {
-        let has_system =
-            self.systems.as_ref().is_none_or(|letters| letters.contains(satellite.system.letter()));
-        has_system
+        self.systems.as_ref().is_none_or(|systems| systems.contains(&satellite.system))
             && self.signals.as_ref().is_none_or(|wanted| {
-                let name = signal.to_string();
-                // A band stands for all its signals.
-                wanted.iter().any(|word| name.starts_with(word.as_str()))
+                wanted.iter().any(|wanted| match wanted {
+                    WantedSignals::OfBand(band) => *band == signal.band,
+                    WantedSignals::One(one) => *one == signal,
+                })
             })
     }
 }
 
-/// Observations of one antenna's files as columns of a long table.
+/// A damaged place: file, line (of a receiver log the offset of the byte), what was wrong.
+type PlainDamage = (String, u64, String);
+
+/// Observations of one antenna's files as columns of a long table, and what was skipped.
 #[pyfunction]
-pub(crate) fn read_obs(
-    py: Python<'_>,
+pub(crate) fn read_obs<'py>(
+    py: Python<'py>,
     paths: Vec<PathBuf>,
-    systems: Option<String>,
+    systems: Option<&str>,
     signals: Option<Vec<String>>,
     time: (i64, i64),
-) -> PyResult<Bound<'_, PyDict>> {
-    let wanted = Wanted { systems, signals, from: time.0, to: time.1 };
+) -> PyResult<(Bound<'py, PyDict>, Vec<PlainDamage>)> {
+    let wanted = Wanted::new(systems, signals.as_deref(), time)?;
     let table = py.detach(|| {
         let mut reader = SessionReader::open(&paths)?;
         let (mut table, mut epoch) = (LongTable::new(), AntennaEpoch::default());
@@ -171,9 +210,12 @@ pub(crate) fn read_obs(
                 table.add(&epoch, &wanted);
             }
         }
-        Ok(table)
+        let plain = |one: FileDamage| (one.file, one.damage.line, one.damage.what.into_owned());
+        Ok((table, reader.damage().into_iter().map(plain).collect()))
     });
-    table.map_err(|error: kurs_formats::source::ReadError| unusable(error))?.into_python(py)
+    let (table, damage) =
+        table.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
+    Ok((table.into_python(py)?, damage))
 }
 
 /// Ephemerides of navigation files (RINEX, SP3, receiver logs).
@@ -220,10 +262,9 @@ impl Navigation {
         times: PyReadonlyArray1<'py, i64>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>
     {
-        let satellite: Satellite =
-            satellite.parse().map_err(|error: kurs::signal::UnknownName| {
-                pyo3::exceptions::PyValueError::new_err(error.to_string())
-            })?;
+        let satellite: Satellite = satellite
+            .parse()
+            .map_err(|error: kurs::signal::UnknownName| PyValueError::new_err(error.to_string()))?;
         let times: Vec<i64> = times.as_array().iter().copied().collect();
         let states: Vec<_> = arrays::in_parallel(py, || {
             let at = |time: &i64| {

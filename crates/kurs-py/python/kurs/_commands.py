@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from kurs import _native
+from kurs._files import Paths, paths
 from kurs._table import Table
 from kurs._whole import whole_file
 
@@ -77,12 +78,27 @@ class Results:
     """The files that a command wrote, read when they are asked for."""
 
     def __init__(self, folder: str | PathLike[str] | None = None) -> None:
-        if folder is None:
-            # It goes with this object.
-            self._temporary = tempfile.TemporaryDirectory(prefix="kurs-")
-            folder = self._temporary.name
-        self.folder = Path(folder)
+        self.folder = self._temporary_folder() if folder is None else Path(folder)
         self._tables: dict[str, Table] = {}
+
+    def _temporary_folder(self) -> Path:
+        # It goes with this object.
+        self._temporary = tempfile.TemporaryDirectory(prefix="kurs-")
+        return Path(self._temporary.name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A temporary folder does not outlive this object, so its files go along: to another process, or into a pickle."""
+        state = self.__dict__.copy()
+        if state.pop("_temporary", None) is not None:
+            state["folder"] = {path.name: path.read_bytes() for path in self.folder.iterdir()}
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if isinstance(state["folder"], dict):
+            self.folder = self._temporary_folder()
+            for name, content in state["folder"].items():
+                (self.folder / name).write_bytes(content)
 
     def table(self, name: str) -> Table:
         """The table of `name.csv`."""
@@ -172,7 +188,7 @@ def simulate(
 def plan(
     array: Config,
     *,
-    nav: Sequence[str | PathLike[str]] = (),
+    nav: Paths = (),
     at: str | None = None,
     duration: str | None = None,
     **overrides: Any,
@@ -183,7 +199,7 @@ def plan(
     "2024-06-24T08:20:00"; `duration` such as "24h". `overrides`: keys of `[plan]`, as `--set`.
     """
     results = Results()
-    arguments = [argument for file in nav for argument in ("--nav", str(file))]
+    arguments = [argument for file in paths(nav) for argument in ("--nav", file)]
     arguments += ["--at", at] if at else []
     arguments += ["--for", duration] if duration else []
     with config_file(array) as path:

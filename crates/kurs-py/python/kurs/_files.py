@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from os import PathLike
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kurs import _native
-from kurs._table import Table
+from kurs._table import Table, Words
 
 #: One path or several.
 Paths = str | PathLike[str] | Sequence[str | PathLike[str]]
@@ -36,6 +36,15 @@ class Observations(Table):
     time_gpst, satellite ("G05"), signal ("G1C"), pseudorange_m, phase_cycles (grows with the distance), doppler_hz (positive
     when approaching), cn0_dbhz, lock (RINEX digit).
     """
+
+    def __init__(
+        self, columns: Mapping[str, NDArray[Any] | Words], damage: Sequence[tuple[str, int, str]] = ()
+    ) -> None:
+        super().__init__(columns)
+        #: What was skipped, as in summary.json: `file`, `line` (of a receiver log the offset of the byte), `what`.
+        self.damage: list[dict[str, Any]] = [
+            {"file": file, "line": line, "what": what} for file, line, what in damage
+        ]
 
     def to_xarray(self) -> Any:
         """The same as xarray.Dataset: variables (time, sv) by RINEX code ("C1C", "L1C", …), as georinex has them; NaN where there is none."""
@@ -64,16 +73,18 @@ def read_obs(
     path: Paths,
     *,
     systems: str | None = None,
-    signals: Sequence[str] | None = None,
+    signals: str | Sequence[str] | None = None,
     time: tuple[Any, Any] | None = None,
 ) -> Observations:
     """Observations of one antenna (RINEX 2 to 4, CRINEX, UBX, RTCM 3, SBF, packed or not) as a long table.
 
-    `path`: one file or several in any order. `systems`: letters, "GE". `signals`: RINEX codes with the letter of the
-    system, or bands: ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes.
+    `path`: one file or several in any order; epochs of a file that are not later than those before are skipped, which
+    `damage` of the table tells. `systems`: letters, "GE". `signals`: RINEX codes with the letter of the system, or bands:
+    "G1C" or ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes.
     """
-    first, last = _ALWAYS if time is None else (_nanoseconds(time[0]), _nanoseconds(time[1]))
-    return Observations(_native.read_obs(paths(path), systems, None if signals is None else list(signals), (first, last)))
+    between = _ALWAYS if time is None else (_nanoseconds(time[0]), _nanoseconds(time[1]))
+    wanted = [signals] if isinstance(signals, str) else None if signals is None else list(signals)
+    return Observations(*_native.read_obs(paths(path), systems, wanted, between))
 
 
 class Navigation:
