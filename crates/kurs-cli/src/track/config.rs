@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use kurs::frames::{Ecef, Geodetic, Vector};
+use kurs::time::GpsTime;
 use kurs::trajectory::measurement::Quantity;
 use kurs::trajectory::refraction::Atmosphere;
 use kurs::trajectory::smoother::{Parameter, ParameterKind};
 use kurs::trajectory::station::Station;
+use kurs_formats::tdm::TimeSystem;
 use serde::Deserialize;
 
 use crate::config_file;
@@ -169,14 +171,35 @@ impl RefractionConfig {
     }
 }
 
+/// Heights of what may be measured, m, to beyond the Moon.
+const OBJECT_HEIGHTS_M: [f64; 2] = [-1e4, 1e9];
+/// Heights of what stands on the ground or flies in the air, m.
+const STATION_HEIGHTS_M: [f64; 2] = [-1e4, 1e5];
+
+/// Refuses a number that is none, or outside of what the key can have.
+fn check(what: &str, found: f64, [least, most]: [f64; 2]) -> Result<(), UsageError> {
+    if (least..=most).contains(&found) {
+        return Ok(());
+    }
+    Err(UsageError(format!("{what} is {found}, expected {least} to {most}")))
+}
+
 impl Place {
-    /// The position; one of the two ways of giving it must be complete.
-    pub(super) fn position_m(&self, what: &str) -> Result<Vector<Ecef>, UsageError> {
+    /// The position; one of the two ways of giving it must be complete, and its height one of `heights_m`.
+    fn position_m(&self, what: &str, heights_m: [f64; 2]) -> Result<Vector<Ecef>, UsageError> {
         match (self.latitude_deg, self.longitude_deg, self.height_m, self.position_ecef_m) {
             (Some(latitude), Some(longitude), Some(height), None) => {
+                check(&format!("{what}: latitude_deg"), latitude, [-90.0, 90.0])?;
+                check(&format!("{what}: longitude_deg"), longitude, [-360.0, 360.0])?;
+                check(&format!("{what}: height_m"), height, heights_m)?;
                 Ok(Geodetic::from_degrees(latitude, longitude, height).to_ecef())
             }
-            (None, None, None, Some([x, y, z])) => Ok(Vector::new(x, y, z)),
+            (None, None, None, Some([x, y, z])) => {
+                let position = Vector::new(x, y, z);
+                let height_m = Geodetic::from_ecef(position).height_m;
+                check(&format!("{what}: the height of position_ecef_m"), height_m, heights_m)?;
+                Ok(position)
+            }
             _ => Err(UsageError(format!(
                 "{what}: give either latitude_deg, longitude_deg and height_m, or position_ecef_m"
             ))),
@@ -192,7 +215,30 @@ impl StationConfig {
             height_m: self.height_m,
             position_ecef_m: self.position_ecef_m,
         };
-        place.position_m(&format!("station `{}`", self.name)).map(Station::at_ecef)
+        let what = format!("station `{}`", self.name);
+        place.position_m(&what, STATION_HEIGHTS_M).map(Station::at_ecef)
+    }
+
+    fn check(&self) -> Result<(), UsageError> {
+        const ANGLES_DEG: [f64; 2] = [1e-9, 180.0];
+        const LENGTHS_M: [f64; 2] = [1e-9, 1e9];
+        let deviations = [
+            ("azimuth_sd_deg", self.azimuth_sd_deg, ANGLES_DEG),
+            ("elevation_sd_deg", self.elevation_sd_deg, ANGLES_DEG),
+            ("range_sd_m", self.range_sd_m, LENGTHS_M),
+            ("range_difference_sd_m", self.range_difference_sd_m, LENGTHS_M),
+            ("cosine_sd", self.cosine_sd, [1e-12, 1.0]),
+            ("clock_offset_sd_s", self.clock_offset_sd_s, [1e-12, 1e6]),
+            ("azimuth_bias_sd_deg", self.azimuth_bias_sd_deg, ANGLES_DEG),
+            ("elevation_bias_sd_deg", self.elevation_bias_sd_deg, ANGLES_DEG),
+            ("range_bias_sd_m", self.range_bias_sd_m, LENGTHS_M),
+        ];
+        for (key, found, range) in deviations {
+            if let Some(found) = found {
+                check(&format!("station `{}`: {key}", self.name), found, range)?;
+            }
+        }
+        Ok(())
     }
 
     /// Standard deviation of a quantity, in rad, m or 1.
@@ -225,26 +271,100 @@ impl StationConfig {
     }
 }
 
+impl TrackConfig {
+    fn check(&self) -> Result<(), UsageError> {
+        // As far as the smoother goes together for its start.
+        const LONGEST_SAME_TIME_S: f64 = 60.0;
+        check("track.jerk_mps2_per_sqrt_s", self.jerk_mps2_per_sqrt_s, [1e-9, 1e6])?;
+        check("track.outlier_probability", self.outlier_probability, [0.0, 1.0])?;
+        check("track.same_time_s", self.same_time_s, [0.0, LONGEST_SAME_TIME_S])?;
+        let correlation = self.range_difference_correlation;
+        check("track.range_difference_correlation", correlation, [-0.99, 0.99])?;
+        if let Some([low, high]) = self.heights_m {
+            check("track.heights_m: the lower height", low, OBJECT_HEIGHTS_M)?;
+            check("track.heights_m: the higher height", high, [low, OBJECT_HEIGHTS_M[1]])?;
+        }
+        self.instant(0.0).map(|_| ())?;
+        self.prior_m().map(|_| ())
+    }
+
+    /// The instant of a `time_s`.
+    pub(super) fn instant(&self, time_s: f64) -> Result<GpsTime, UsageError> {
+        let start = TimeSystem::Utc.instant(&self.start_utc).ok_or_else(|| {
+            let found = &self.start_utc;
+            UsageError(format!(
+                "track.start_utc is `{found}`, expected such as 2026-01-01T00:00:00"
+            ))
+        })?;
+        let time = start + time_s;
+        // Instants end with the year 2272.
+        if (time - start - time_s).abs() < 1e-3 {
+            return Ok(time);
+        }
+        Err(UsageError(format!(
+            "time_s is {time_s}, expected seconds after track.start_utc, to the year 2272"
+        )))
+    }
+
+    /// The place that chooses between two roots at the first point.
+    pub(super) fn prior_m(&self) -> Result<Option<Vector<Ecef>>, UsageError> {
+        let position = |place: &Place| place.position_m("track.prior", OBJECT_HEIGHTS_M);
+        self.prior.as_ref().map(position).transpose()
+    }
+}
+
+impl RefractionConfig {
+    fn check(&self) -> Result<(), UsageError> {
+        check("refraction.surface_refractivity", self.surface_refractivity, [0.0, 1e3])?;
+        check("refraction.scale_height_m", self.scale_height_m, [1e3, 1e5])
+    }
+}
+
+impl SimulateConfig {
+    /// Points that are made.
+    const MOST_POINTS: f64 = 1e5;
+
+    fn check(&self) -> Result<(), UsageError> {
+        for WaypointConfig { time_s, latitude_deg, longitude_deg, height_m } in &self.waypoint {
+            check("simulate.waypoint: time_s", *time_s, [-1e10, 1e10])?;
+            check("simulate.waypoint: latitude_deg", *latitude_deg, [-90.0, 90.0])?;
+            check("simulate.waypoint: longitude_deg", *longitude_deg, [-360.0, 360.0])?;
+            check("simulate.waypoint: height_m", *height_m, OBJECT_HEIGHTS_M)?;
+        }
+        let increasing = self.waypoint.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
+        let [first, .., last] = self.waypoint.as_slice() else {
+            return Err(UsageError("simulate.waypoint: at least two points are needed".to_owned()));
+        };
+        if !increasing {
+            let what = "simulate.waypoint: points with increasing time_s are needed";
+            return Err(UsageError(what.to_owned()));
+        }
+        let shortest_s = (last.time_s - first.time_s) / Self::MOST_POINTS;
+        check("simulate.interval_s", self.interval_s, [shortest_s, 1e9])
+    }
+}
+
 impl Config {
     /// Reads and checks what TOML cannot.
     pub(super) fn read(path: &Path, set: &[String]) -> Result<Self, UsageError> {
         let config: Self = config_file::read_with(path, set, "track")?;
-        let wrong = |what: String| Err(UsageError(format!("{}: {what}", path.display())));
-        for (index, station) in config.station.iter().enumerate() {
-            if config.station[..index].iter().any(|other| other.name == station.name) {
-                return wrong(format!("two stations are called `{}`", station.name));
-            }
-        }
-        let positive = [
-            ("track.jerk_mps2_per_sqrt_s", config.track.jerk_mps2_per_sqrt_s),
-            ("simulate.interval_s", config.simulate.as_ref().map_or(1.0, |s| s.interval_s)),
-        ];
-        for (key, value) in positive {
-            if !value.is_finite() || value <= 0.0 {
-                return wrong(format!("`{key}` is {value}, expected a number above zero"));
-            }
-        }
+        config
+            .check()
+            .map_err(|UsageError(what)| UsageError(format!("{}: {what}", path.display())))?;
         Ok(config)
+    }
+
+    fn check(&self) -> Result<(), UsageError> {
+        for (index, station) in self.station.iter().enumerate() {
+            if self.station[..index].iter().any(|other| other.name == station.name) {
+                return Err(UsageError(format!("two stations are called `{}`", station.name)));
+            }
+            station.check()?;
+            station.station()?;
+        }
+        self.track.check()?;
+        self.refraction.as_ref().map_or(Ok(()), RefractionConfig::check)?;
+        self.simulate.as_ref().map_or(Ok(()), SimulateConfig::check)
     }
 
     pub(super) fn stations(&self) -> Result<Vec<Station>, UsageError> {

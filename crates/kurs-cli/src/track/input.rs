@@ -1,13 +1,16 @@
 //! Measurements from CSV files with units in the column names, and from Tracking Data Messages.
 
+use core::f64::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use kurs::time::GpsTime;
 use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs_formats::tdm::{self, Observable, TimeSystem};
 
 use super::config::{Config, TwoWayRange};
+use super::write::words;
+use crate::failure::UsageError;
 use crate::text_file;
 
 /// One measurement with its instant.
@@ -68,9 +71,32 @@ fn from_tdm(config: &Config, name: &str, text: &str) -> anyhow::Result<Vec<Obser
         };
         let sigma = config.station[index].sigma(quantity)?;
         let measurement = Measurement { station: index, quantity, value, sigma };
+        check(&measurement).with_context(|| format!("line {}", record.line))?;
         observations.push(Observation { time: record.time, measurement });
     }
     Ok(observations)
+}
+
+/// Refuses a number that no station can measure, whatever its noise.
+fn check(measurement: &Measurement) -> anyhow::Result<()> {
+    /// Noise beyond this many standard deviations is none.
+    const SIGMAS: f64 = 5.0;
+    /// To beyond the planets.
+    const LONGEST_M: f64 = 1e13;
+    let Measurement { quantity, value, sigma, .. } = *measurement;
+    let [least, most] = match quantity {
+        Quantity::Azimuth => [-TAU, TAU],
+        Quantity::Elevation => [-FRAC_PI_2, FRAC_PI_2],
+        Quantity::Range => [0.0, LONGEST_M],
+        Quantity::RangeDifference { .. } => [-LONGEST_M, LONGEST_M],
+        Quantity::CosineNorth | Quantity::CosineEast => [-1.0, 1.0],
+    };
+    if (least - SIGMAS * sigma..=most + SIGMAS * sigma).contains(&value) {
+        return Ok(());
+    }
+    let (name, unit, per_unit) = words(quantity);
+    let [found, least, most] = [value, least, most].map(|number| number * per_unit);
+    bail!("{name} {found} {unit}, expected {least} to {most}")
 }
 
 /// A column with values: its name, that of its standard deviation, and the factor to rad, m or 1.
@@ -97,12 +123,12 @@ fn from_csv(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
         bail!("line 1: unknown column `{unknown}`");
     }
     let column = |name: &str| headers.iter().position(|header| header == name);
-    let time_column = TIMES.iter().find_map(|name| Some((*name, column(name)?)));
-    let (time_name, time_column) =
-        time_column.context("line 1: one of the columns time_utc, time_gpst, time_s is needed")?;
+    let times: Vec<_> = TIMES.iter().filter_map(|name| Some((*name, column(name)?))).collect();
+    let [(time_name, time_column)] = times[..] else {
+        let found = times.len();
+        bail!("line 1: {found} of the columns time_utc, time_gpst, time_s found, one expected");
+    };
     let station_column = column("station").context("line 1: the column `station` is needed")?;
-    let start = TimeSystem::Utc.instant(&config.track.start_utc);
-    let start = start.context("`track.start_utc` is not a date and time")?;
 
     let mut observations = Vec::new();
     for row in reader.records() {
@@ -118,13 +144,18 @@ fn from_csv(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
             field(name).map(parse).transpose()
         };
         let time_text = &row[time_column];
+        let is_no_time = || format!("line {line}: {time_name}: `{time_text}` is not a time");
         let time = match time_name {
-            "time_utc" => TimeSystem::Utc.instant(time_text),
-            "time_gpst" => TimeSystem::Gps.instant(time_text),
-            _ => time_text.parse().ok().filter(|s: &f64| s.is_finite()).map(|s| start + s),
+            "time_utc" => TimeSystem::Utc.instant(time_text).with_context(is_no_time)?,
+            "time_gpst" => TimeSystem::Gps.instant(time_text).with_context(is_no_time)?,
+            _ => {
+                let time_s: f64 = time_text.parse().ok().with_context(is_no_time)?;
+                config
+                    .track
+                    .instant(time_s)
+                    .map_err(|UsageError(what)| anyhow!("line {line}: {what}"))?
+            }
         };
-        let time =
-            time.with_context(|| format!("line {line}: {time_name}: `{time_text}` is not a time"))?;
         let index_of = |name: &str| {
             let index = config.index_of(name);
             index.with_context(|| format!("line {line}: no station is called `{name}`"))
@@ -148,6 +179,7 @@ fn from_csv(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
                 None => config.station[station].sigma(quantity)?,
             };
             let measurement = Measurement { station, quantity, value: value * unit, sigma };
+            check(&measurement).with_context(|| format!("line {line}"))?;
             observations.push(Observation { time, measurement });
         }
     }

@@ -141,8 +141,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     } else if !args.quiet {
         output::print(format_args!("{told}written to {}\n", args.out.display()))?;
     }
-    let all_lost = found.points.iter().all(|point| point.status == Status::Lost);
-    Ok(ExitCode::from(u8::from(all_lost)))
+    match found.points.first() {
+        Some(first) if found.points.iter().all(|point| point.status == Status::Lost) => {
+            bail!("every point is lost, the first one because: {}", first.reason)
+        }
+        _ => Ok(ExitCode::SUCCESS),
+    }
 }
 
 /// What a comparison of sets of measurements needs.

@@ -172,7 +172,9 @@ fn point_text(name: &str, point: &Comparison) -> String {
         point.height_m / 1e3,
         triple(point.information_m),
         point.linearised_m.map_or_else(|| "-".to_owned(), triple),
-        triple(point.scatter.sigmas_m()),
+        (point.scatter.count > 0)
+            .then(|| point.scatter.sigmas_m())
+            .map_or_else(|| "-".to_owned(), triple),
         if point.disagrees { "  (2) does not describe this closed form" } else { "" }
     )
 }
@@ -184,18 +186,22 @@ fn worst_text(name: &str, points: &[Comparison]) -> String {
             let ratio = point.scatter.sigmas_m().component_div(&expected(point)?);
             Some(ratio.map(|r| (r - 1.0).abs()).max())
         });
-        100.0 * ratios.fold(0.0, f64::max)
+        let worst = ratios.filter(|ratio| ratio.is_finite()).reduce(f64::max);
+        worst.map_or_else(|| "-".to_owned(), |worst| format!("{:.1} %", 100.0 * worst))
     };
     let refused: usize = points.iter().map(|point| point.scatter.refused).sum();
     let [low, high] = points[0].scatter.interval(1.96);
+    let interval = if high.is_finite() {
+        format!("{:+.1} to {:+.1} %", 100.0 * (low - 1.0), 100.0 * (high - 1.0))
+    } else {
+        "unknown: too few draws".to_owned()
+    };
     format!(
-        "{name:>4} worst of {} points x 3 axes: modelled against (2) {:.1} %, against (4) {:.1} % \
-         (95 % interval of one {:+.1} to {:+.1} %), refused {refused}",
+        "{name:>4} worst of {} points x 3 axes: modelled against (2) {}, against (4) {} \
+         (95 % interval of one {interval}), refused {refused}",
         points.len(),
         worst(&|point| Some(point.information_m)),
         worst(&|point| point.linearised_m),
-        100.0 * (low - 1.0),
-        100.0 * (high - 1.0),
     )
 }
 

@@ -93,8 +93,7 @@ fn points(
     observations: &[Observation],
     same_time_s: f64,
 ) -> anyhow::Result<PathFound> {
-    let first_prior =
-        config.track.prior.as_ref().map(|place| place.position_m("track.prior")).transpose()?;
+    let first_prior = config.track.prior_m()?;
     let mut previous: Option<Vector<Ecef>> = None;
     let mut found = PathFound::default();
     for group in groups(observations, same_time_s) {

@@ -1,13 +1,11 @@
 //! Measurements of a path that is known: for planning, teaching and tests.
 
-use anyhow::Context;
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::time::GpsTime;
 use kurs::trajectory::accuracy::{draw_errors, error_free};
 use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs::trajectory::problem::Problem;
 use kurs::trajectory::station::Station;
-use kurs_formats::tdm::TimeSystem;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -33,15 +31,11 @@ pub(super) fn normals(seed: u64, stream: u64) -> impl FnMut() -> f64 {
 }
 
 /// The path through the waypoints, at equal intervals.
-pub(super) fn truth(config: &Config, simulate: &SimulateConfig) -> anyhow::Result<Vec<TruePoint>> {
+pub(super) fn truth(
+    config: &Config,
+    simulate: &SimulateConfig,
+) -> Result<Vec<TruePoint>, UsageError> {
     let waypoints = &simulate.waypoint;
-    let increasing = waypoints.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
-    if waypoints.len() < 2 || !increasing {
-        let what = "simulate.waypoint: at least two points with increasing time_s are needed";
-        return Err(UsageError(what.to_owned()).into());
-    }
-    let start = TimeSystem::Utc.instant(&config.track.start_utc);
-    let start = start.context("`track.start_utc` is not a date and time")?;
     let (first_s, last_s) = (waypoints[0].time_s, waypoints[waypoints.len() - 1].time_s);
     let mut points = Vec::new();
     for step in 0_u32.. {
@@ -58,7 +52,11 @@ pub(super) fn truth(config: &Config, simulate: &SimulateConfig) -> anyhow::Resul
             between(from.longitude_deg, to.longitude_deg),
             between(from.height_m, to.height_m),
         );
-        points.push(TruePoint { time: start + time_s, time_s, position_m: place.to_ecef() });
+        points.push(TruePoint {
+            time: config.track.instant(time_s)?,
+            time_s,
+            position_m: place.to_ecef(),
+        });
     }
     Ok(points)
 }

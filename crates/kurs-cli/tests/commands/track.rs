@@ -201,3 +201,90 @@ fn broken_input_is_named() {
     let twice = |config: String| config.replace("\"S2\"", "\"S1\"");
     assert!(refuse(&twice, csv, 2).contains("two stations are called `S1`"));
 }
+
+#[test]
+fn keys_that_no_measurement_has_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let radar = example("radar.toml").display().to_string();
+    for (set, said) in [
+        ("same_time_s=-1", "track.same_time_s is -1, expected 0 to 60"),
+        ("same_time_s=1e9", "track.same_time_s is 1000000000, expected 0 to 60"),
+        ("outlier_probability=2", "track.outlier_probability is 2, expected 0 to 1"),
+        ("outlier_probability=nan", "track.outlier_probability is NaN, expected 0 to 1"),
+        ("range_difference_correlation=2", "track.range_difference_correlation is 2, expected"),
+        ("jerk_mps2_per_sqrt_s=1e300", "track.jerk_mps2_per_sqrt_s is 1"),
+        ("heights_m=[5,1]", "track.heights_m: the higher height is 1, expected 5 to"),
+        ("start_utc=\"x\"", "track.start_utc is `x`, expected such as 2026-01-01T00:00:00"),
+        ("prior={position_ecef_m=[nan,0,0]}", "track.prior: the height of position_ecef_m is NaN"),
+        ("refraction.scale_height_m=0", "refraction.scale_height_m is 0, expected 1000 to"),
+        ("simulate.interval_s=1e-6", "simulate.interval_s is 0.000001, expected 0.002 to"),
+        ("simulate.interval_s=0", "simulate.interval_s is 0, expected 0.002 to"),
+    ] {
+        let output = kurs(&[&radar, "--simulate", "--set", set, "--out", out]);
+        let said_so = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{set}: {said_so}");
+        assert!(said_so.contains(said) && said_so.contains("radar.toml"), "{set}: {said_so}");
+    }
+    let config = fs::read_to_string(example("radar.toml")).unwrap();
+    let changed = folder.path().join("a.toml");
+    for (from, to, said) in [
+        ("= 65.5", "= 165.5", "station `S1`: latitude_deg is 165.5, expected -90 to 90"),
+        ("= 65.5", "= nan", "station `S1`: latitude_deg is NaN"),
+        ("= 150.0", "= 1e9", "station `S1`: height_m is 1000000000, expected -10000 to 100000"),
+        ("range_sd_m = 5.0", "range_sd_m = 0.0", "station `S2`: range_sd_m is 0, expected"),
+        ("range_sd_m = 5.0", "range_sd_m = inf", "station `S2`: range_sd_m is inf, expected"),
+        ("azimuth_bias_sd_deg = 0.1", "azimuth_bias_sd_deg = -1.0", "azimuth_bias_sd_deg is -1"),
+        ("time_s = 0.0", "time_s = -1e11", "simulate.waypoint: time_s is -100000000000"),
+    ] {
+        fs::write(&changed, config.replacen(from, to, 1)).unwrap();
+        let output = kurs(&[changed.to_str().unwrap(), "--simulate", "--out", out]);
+        let said_so = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{to}: {said_so}");
+        assert!(said_so.contains(said), "{to}: {said_so}");
+    }
+}
+
+#[test]
+fn rows_that_no_station_measures_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = fs::read_to_string(example("radar.toml")).unwrap();
+    let path = folder.path().join("a.toml");
+    fs::write(&path, config.replace("\"smooth\"", "\"points\"")).unwrap();
+    let refuse = |csv: &str, said: &str| {
+        fs::write(folder.path().join("measurements.tdm"), csv).unwrap();
+        let out = folder.path().join("out");
+        let output = kurs(&[path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        let said_so = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{csv}: {said_so}");
+        assert!(said_so.contains(said), "{csv}: {said_so}");
+    };
+    let row = |header: &str, row: &str| format!("time_s,station,{header}\n{row}\n");
+    for time in ["1e11", "1e300", "-1e11", "inf"] {
+        let said = "line 2: time_s is ";
+        refuse(&row("azimuth_deg", &format!("{time},S1,10")), said);
+    }
+    refuse(&row("elevation_deg", "0,S1,100"), "line 2: elevation 100 deg, expected -90 to 90");
+    refuse(&row("range_m", "0,S2,-50000"), "line 2: range -50000 m, expected 0 to");
+    refuse(&row("cosine_north,cosine_north_sd", "0,S2,1.1,0.01"), "line 2: cosine_north 1.1");
+    refuse(
+        "time_s,time_utc,station,range_m\n0,2026-01-01T00:00:00,S2,5e4\n",
+        "line 1: 2 of the columns time_utc, time_gpst, time_s found, one expected",
+    );
+    refuse(&row("range_m", "0,S2,5e4"), "error: every point is lost, the first one because: ");
+    // Noise beyond the zenith is none of the row's faults.
+    let zenith = row("azimuth_deg,elevation_deg,range_m", "0,S2,10,90.01,5e4");
+    refuse(&zenith, "the geometry does not determine the position");
+}
+
+#[test]
+fn one_draw_tells_no_interval() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = example("figure4.toml").display().to_string();
+    let out = folder.path().to_str().unwrap();
+    let output = kurs(&[&config, "--simulate", "--monte-carlo", "1", "--out", out]);
+    let printed = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(printed.contains("95 % interval of one unknown: too few draws"), "{printed}");
+    assert!(!printed.contains("inf") && !printed.contains("NaN"), "{printed}");
+}
