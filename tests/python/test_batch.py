@@ -184,6 +184,8 @@ def test_monte_carlo(tmp_path):
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*tables, strict=True))
     assert not np.array_equal(tables[0][0], tables[0][1], equal_nan=True)
     assert batch.seed_of("x", 1) == batch.seed_of("x", 1) != batch.seed_of("x", 2)
+    with pytest.raises(ValueError, match="runs is -1, expected 0 or more"):
+        batch.monte_carlo("roof-static", -1, out=tmp_path)
 
 
 def test_ctrl_c_in_python_ends_a_run(manifest, tmp_path):

@@ -145,5 +145,7 @@ def test_an_epoch_leaves_by_its_deadline(simulated):
     assert [row["status"] for row in rows] == ["lost"]
     with pytest.raises(ValueError, match="antenna 'B'"):
         engine.push_bytes("B", b"")
+    with pytest.raises(ValueError, match="G01 has E1C, expected a signal of its system, G"):
+        engine.push("A0", (2305, 1.0), [("G01", "E1C", 2.2e7, 1.1e8, 0.0, 45.0, 0)])
     with pytest.raises(kurs.UsageError, match="deadline_s is -1"):
         kurs.Engine(simulated / "kurs.toml", deadline_s=-1)

@@ -87,3 +87,23 @@ def test_calibration_finds_what_was_put_in():
     assert np.allclose(mean, rates.mean(axis=0)) and np.allclose(sd, rates.std(axis=0, ddof=1) / 100)
     tau, deviation, _ = calibration.allan_deviation(rates[:, 0], 0.01)
     assert tau[0] == 0.01 and deviation[0] == pytest.approx(np.sqrt(np.mean(np.diff(rates[:, 0]) ** 2) / 2), rel=1e-9)
+
+
+def test_calibration_of_nothing_is_refused():
+    six = 9.81 * np.vstack([np.eye(3), -np.eye(3)])
+    for wrong in ({"samples": 0}, {"sample_sd_mps2": -1}, {"sample_sd_mps2": np.nan}):
+        for calibrate in (calibration.six_position, calibration.multi_pose):
+            with pytest.raises(kurs.NoSolution, match="pose 1 has .*at least one sample and a noise of 0 or more"):
+                calibrate(six, 9.81, **wrong)
+    with pytest.raises(kurs.NoSolution, match="levelled to 400°, 0 to 28 expected"):
+        calibration.six_position(six, 9.81, levelling_deg=400)
+    rest = np.full((1000, 3), 9.81)
+    for step_s in (0, -1, np.nan):
+        with pytest.raises(ValueError, match="step_s is .*, expected a number above zero"):
+            calibration.rests(rest, step_s)
+        with pytest.raises(ValueError, match="step_s is .*, expected a number above zero"):
+            calibration.allan_deviation(rest[:, 0], step_s)
+    with pytest.raises(ValueError, match=r"samples has the shape \[1000, 3\], expected 1 dimensions"):
+        calibration.allan_deviation(rest, 0.01)
+    with pytest.raises(ValueError, match=r"samples_radps has the shape \[1, 1000, 3\], expected 2 dimensions"):
+        calibration.gyro_bias(rest[None])

@@ -72,6 +72,18 @@ impl<'a> Stack<'a> {
         }
     }
 
+    /// Refuses many problems, for what solves one alone.
+    pub(crate) fn alone(self, what: &str) -> PyResult<Self> {
+        match self.count {
+            None => Ok(self),
+            Some(count) => {
+                let shape: Vec<usize> = [&[count], self.shape].concat();
+                let expected = format!("{} dimensions", self.shape.len());
+                Err(errors::of_shape(what, &shape, &expected))
+            }
+        }
+    }
+
     /// Of one problem.
     pub(crate) fn shape(&self) -> &[usize] {
         self.shape

@@ -5,6 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::signal::{Satellite, Signal};
 use kurs::time::GpsTime;
 use kurs_cli::embedded::{EmbeddedEngine, Failure, Rows};
 use pyo3::exceptions::PyValueError;
@@ -114,9 +115,16 @@ fn observation(plain: &PlainObservation) -> PyResult<Observation> {
     let (satellite, signal, pseudorange_m, phase_cycles, doppler_hz, cn0_dbhz, lock) = plain;
     let unknown = |error: kurs::signal::UnknownName| PyValueError::new_err(error.to_string());
     let known = |value: &f64| value.is_finite().then_some(*value);
+    let satellite: Satellite = satellite.parse().map_err(unknown)?;
+    let signal: Signal = signal.parse().map_err(unknown)?;
+    if satellite.system != signal.band.system {
+        let letter = satellite.system.letter();
+        let text = format!("{satellite} has {signal}, expected a signal of its system, {letter}");
+        return Err(PyValueError::new_err(text));
+    }
     Ok(Observation {
-        satellite: satellite.parse().map_err(unknown)?,
-        signal: signal.parse().map_err(unknown)?,
+        satellite,
+        signal,
         pseudorange_m: known(pseudorange_m),
         phase_cycles: known(phase_cycles),
         doppler_hz: known(doppler_hz),

@@ -297,6 +297,10 @@ pub(crate) fn point_solve<'py>(
     navigation: &Bound<'py, Navigation>,
     elevation_mask_deg: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
+    if !(-5.0..=89.0).contains(&elevation_mask_deg) {
+        let text = format!("elevation_mask_deg is {elevation_mask_deg}, expected -5 to 89");
+        return Err(PyValueError::new_err(text));
+    }
     let navigation = &navigation.get().data;
     let settings = PointSettings {
         elevation_mask_rad: elevation_mask_deg.to_radians(),

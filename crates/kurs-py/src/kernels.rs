@@ -27,6 +27,14 @@ fn unsolved(error: impl std::fmt::Display) -> PyErr {
     NoSolution::new_err(error.to_string())
 }
 
+/// Refuses a time between samples that cannot be.
+fn check_step(step_s: f64) -> PyResult<()> {
+    if step_s > 0.0 && step_s.is_finite() {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("step_s is {step_s}, expected a number above zero")))
+}
+
 fn matrix<'py>(py: Python<'py>, of: &Matrix3<f64>) -> Bound<'py, PyArray2<f64>> {
     let rows: Vec<Vec<f64>> = of.row_iter().map(|row| row.iter().copied().collect()).collect();
     PyArray2::from_vec2(py, &rows).unwrap_or_else(|_| PyArray2::zeros(py, [3, 3], false))
@@ -72,7 +80,7 @@ pub(crate) fn select(
             return Err(PyValueError::new_err(text));
         }
     };
-    let positions = Stack::of_points(&positions_m, "positions_m")?.points(0);
+    let positions = Stack::of_points(&positions_m, "positions_m")?.alone("positions_m")?.points(0);
     let array = AntennaArray::new(positions.into_iter().map(Vector::from_xyz).collect());
     let baselines = Baselines::of(&array.map_err(unsolved)?).map_err(unsolved)?;
     let chosen = py.detach(|| choose(&baselines, graph, criterion, &mut seeded(seed)));
@@ -86,7 +94,7 @@ fn seeded(seed: u64) -> rand_xoshiro::Xoshiro256PlusPlus {
 
 /// Poses of the rests, each the mean of its samples.
 fn poses(samples_mps2: &Numbers<'_>, sd_mps2: f64, samples: usize) -> PyResult<Vec<Pose>> {
-    let means = Stack::of_points(samples_mps2, "poses_mps2")?.points(0);
+    let means = Stack::of_points(samples_mps2, "poses_mps2")?.alone("poses_mps2")?.points(0);
     let pose = |mean_mps2| Pose { mean_mps2, sample_sd_mps2: sd_mps2, samples };
     Ok(means.into_iter().map(pose).collect())
 }
@@ -144,7 +152,8 @@ pub(crate) fn rests<'py>(
     samples_mps2: Numbers<'py>,
     step_s: f64,
 ) -> PyResult<(Vec<(usize, usize)>, Bound<'py, PyAny>)> {
-    let samples = Stack::of_points(&samples_mps2, "samples_mps2")?.points(0);
+    let samples = Stack::of_points(&samples_mps2, "samples_mps2")?.alone("samples_mps2")?.points(0);
+    check_step(step_s)?;
     let settings = static_intervals::RestSettings::for_step(step_s);
     let found = py.detach(|| static_intervals::find(&samples, &settings));
     let means: Vec<f64> = found
@@ -162,7 +171,8 @@ pub(crate) fn gyro_bias<'py>(
     py: Python<'py>,
     samples_radps: Numbers<'py>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
-    let samples = Stack::of_points(&samples_radps, "samples_radps")?.points(0);
+    let samples =
+        Stack::of_points(&samples_radps, "samples_radps")?.alone("samples_radps")?.points(0);
     let found = of_rest::calibrate(&samples).map_err(unsolved)?;
     Ok((vector(py, &found.bias_radps), vector(py, &found.sd_radps)))
 }
@@ -175,7 +185,8 @@ pub(crate) fn allan_deviation<'py>(
     samples: Numbers<'py>,
     step_s: f64,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
-    let samples = Stack::new(&samples, 1, "samples")?;
+    let samples = Stack::new(&samples, 1, "samples")?.alone("samples")?;
+    check_step(step_s)?;
     let points = py.detach(|| allan::deviation(samples.at(0), step_s));
     let column =
         |of: fn(&allan::AllanPoint) -> f64| PyArray1::from_vec(py, points.iter().map(of).collect());
@@ -203,7 +214,7 @@ pub(crate) fn locate<'py>(
     prior_m: Option<[f64; 3]>,
     axes: Option<Numbers<'py>>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let places = Stack::of_points(&stations_m, "stations_m")?.points(0);
+    let places = Stack::of_points(&stations_m, "stations_m")?.alone("stations_m")?.points(0);
     let axes = axes.as_ref().map(|axes| Stack::of_square(axes, 3, "axes")).transpose()?;
     let station = |(index, place): (usize, Vector3<f64>)| match &axes {
         Some(axes) => {

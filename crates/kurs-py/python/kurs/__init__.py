@@ -1,7 +1,7 @@
 """Heading, pitch and roll from the raw signals of several GNSS antennas.
 
-Names, units and columns are those of the command line. Numbers are numpy arrays; a missing one is NaN. Every
-function of arrays takes one problem, or N of them with a leading dimension, which run in parallel.
+Names, units and columns are those of the command line. Numbers are numpy arrays; a missing one is NaN. Functions
+of `attitude` and `ambiguity` take one problem, or N of them with a leading dimension, which run in parallel.
 
 Frames: body axes are forward, right, down; local axes north, east, down; `local_from_body` turns components in
 body axes into components in local axes. Quaternions are scalar first.

@@ -99,6 +99,13 @@ impl ArrayConstrained {
         count: usize,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
         self.work = 0;
+        let expect = |what, found, expected| match found == expected {
+            true => Ok(()),
+            false => Err(AmbiguityError::Dimension { what, found, expected }),
+        };
+        let (n, baselines) = (float.ambiguities.len(), body_m.len());
+        expect("the list of ambiguities per baseline", ambiguities_of.len(), baselines)?;
+        expect("the sum of ambiguities per baseline", ambiguities_of.iter().sum(), n)?;
         let shape = Shape::new(body_m)?;
         let softened = softened(float, body_m.len(), array_sd_m)?;
         let (axes_float, misfit) = shape.reduced(softened)?;

@@ -27,7 +27,11 @@ use std::{cmp::Ordering, collections::BinaryHeap};
 
 use nalgebra::{SMatrix, SVector};
 
-use super::{AmbiguityError, MixedFloat, decorrelate::Decorrelation, search::whole_and_fraction};
+use super::{
+    AmbiguityError, MixedFloat,
+    decorrelate::Decorrelation,
+    search::{check_horizon, whole_and_fraction},
+};
 
 /// Branches that a search opens by default before it gives up: some tens of milliseconds.
 pub(super) const DEFAULT_NODE_BUDGET: usize = 100_000;
@@ -181,6 +185,7 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         constraint: &mut C,
         extent: Extent,
     ) -> Result<(Vec<Leaf<P>>, f64), AmbiguityError> {
+        check_horizon(extent.horizon)?;
         self.nodes.clear();
         self.queue.clear();
         self.work = 0;

@@ -96,6 +96,7 @@ impl IntegerLeastSquares {
         covariance: &DMatrix<f64>,
         count: usize,
     ) -> Result<Vec<Candidate>, AmbiguityError> {
+        check_horizon(self.horizon)?;
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
         let settled = settled_variance(self.horizon.min(self.reduced_within));
         self.decorrelation.compute_in_blocks(covariance, &[covariance.nrows()], settled)?;
@@ -188,6 +189,14 @@ impl IntegerLeastSquares {
         }
         Err(AmbiguityError::BudgetExceeded { nodes: node_budget })
     }
+}
+
+/// Refuses a horizon within which nothing is, not even the nearest vector.
+pub(super) fn check_horizon(horizon: f64) -> Result<(), AmbiguityError> {
+    if horizon >= 0.0 {
+        return Ok(());
+    }
+    Err(AmbiguityError::OutOfRange { what: "the horizon", value: horizon })
 }
 
 /// The conditional variance, cycles², from which down an ambiguity has one integer for a search that looks no farther than
@@ -585,6 +594,13 @@ mod tests {
         for value in [f64::NAN, f64::INFINITY, 1e17] {
             let found = integer_least_squares(&[0.0, value, 0.0], &q, 2);
             assert!(matches!(found, Err(AmbiguityError::OutOfRange { .. })), "{found:?}");
+        }
+        for horizon in [f64::NAN, -1.0] {
+            let mut search = IntegerLeastSquares { horizon, ..Default::default() };
+            let found = search.solve(&[0.0; 3], &q, 2);
+            let is_named =
+                matches!(found, Err(AmbiguityError::OutOfRange { what: "the horizon", .. }));
+            assert!(is_named, "{found:?}");
         }
         let empty = integer_least_squares(&[], &DMatrix::zeros(0, 0), 2);
         assert_eq!(empty, Err(AmbiguityError::Empty));

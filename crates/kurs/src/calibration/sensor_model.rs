@@ -90,6 +90,24 @@ pub enum CalibrationProblem {
     /// A value that is not a number.
     #[error("a sample is not a number")]
     NotFinite,
+    /// A pose of nothing, or with a noise that is none.
+    #[error(
+        "pose {pose} has {samples} samples with a noise of {sample_sd_mps2} m/s²: at least one sample and a noise of 0 or more are expected"
+    )]
+    NoPose {
+        /// Number of the pose, from 1.
+        pose: usize,
+        /// How many samples.
+        samples: usize,
+        /// Noise of one sample.
+        sample_sd_mps2: f64,
+    },
+    /// How well the box stood cannot be this.
+    #[error("levelled to {levelling_deg}°, 0 to 28 expected")]
+    Levelling {
+        /// One standard deviation.
+        levelling_deg: f64,
+    },
 }
 
 impl SensorModel {
@@ -135,6 +153,11 @@ impl Pose {
 pub fn check_poses(poses: &[Pose], gravity_mps2: f64) -> Result<(), CalibrationProblem> {
     if !poses.iter().all(|pose| pose.mean_mps2.iter().all(|value| value.is_finite())) {
         return Err(CalibrationProblem::NotFinite);
+    }
+    for (index, &Pose { samples, sample_sd_mps2, .. }) in poses.iter().enumerate() {
+        if samples == 0 || !(0.0..f64::INFINITY).contains(&sample_sd_mps2) {
+            return Err(CalibrationProblem::NoPose { pose: index + 1, samples, sample_sd_mps2 });
+        }
     }
     let norm = median(poses.iter().map(|pose| pose.mean_mps2.norm()).collect());
     if poses.is_empty() || (0.8..1.25).contains(&(norm / gravity_mps2)) {
@@ -190,5 +213,14 @@ mod tests {
         ));
         assert_eq!(check_poses(&[pose(f64::NAN, 0.1)], 9.8), Err(CalibrationProblem::NotFinite));
         assert_eq!(check_poses(&moved[..2], 9.8), Ok(()));
+        let nothing = [pose(9.8, 0.02), Pose { samples: 0, ..pose(9.8, 0.02) }];
+        for poses in [
+            &nothing[..],
+            &[pose(9.8, 0.02), pose(9.8, -1.0)],
+            &[pose(9.8, 0.02), pose(9.8, f64::NAN)],
+        ] {
+            let found = check_poses(poses, 9.8);
+            assert!(matches!(found, Err(CalibrationProblem::NoPose { pose: 2, .. })), "{found:?}");
+        }
     }
 }

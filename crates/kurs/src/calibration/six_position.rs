@@ -4,6 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::sensor_model::{CalibrationProblem, Pose, SensorModel, check_poses};
 
+/// Above it a box stands on no side.
+const MOST_LEVELLING_RAD: f64 = 0.5;
+
 /// Bias, scale and misalignment from poses in which one axis of the box is vertical; several poses
 /// of the same direction are averaged.
 ///
@@ -22,6 +25,10 @@ pub fn calibrate(
     levelling_sd_rad: f64,
 ) -> Result<SensorModel, CalibrationProblem> {
     check_poses(poses, gravity_mps2)?;
+    if !(0.0..=MOST_LEVELLING_RAD).contains(&levelling_sd_rad) {
+        let levelling_deg = levelling_sd_rad.to_degrees();
+        return Err(CalibrationProblem::Levelling { levelling_deg });
+    }
     let six = sort_into_six(poses)?;
     let mut matrix = Matrix3::zeros();
     let mut matrix_sd = Matrix3::zeros();
@@ -174,6 +181,14 @@ mod tests {
         let six = poses(1, 0.0);
         let problem = calibrate(&six[..4], G, 0.0).unwrap_err();
         assert!(problem.to_string().contains("z up, z down"), "{problem}");
+    }
+
+    #[test]
+    fn a_box_that_stands_on_no_side_is_refused() {
+        for levelling_sd_rad in [7.0, -0.1, f64::NAN] {
+            let problem = calibrate(&poses(1, 0.0), G, levelling_sd_rad).unwrap_err();
+            assert!(problem.to_string().contains("0 to 28 expected"), "{problem}");
+        }
     }
 
     #[test]

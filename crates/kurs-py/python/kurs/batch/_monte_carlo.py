@@ -62,6 +62,8 @@ def monte_carlo(
     `solve_with`: keys of `[solve]`. The seed of a run is a hash of the configuration and its number, so the result does not
     depend on the executor, and runs that are done are not repeated.
     """
+    if runs < 0:
+        raise ValueError(f"runs is {runs}, expected 0 or more")
     folder = Path(out).absolute()
     with config_file(scenario) as path:
         is_file = Path(path).exists()
