@@ -1,6 +1,7 @@
 """Integer least squares against exhaustive search and numpy."""
 
 import itertools
+import pickle
 
 import kurs
 import numpy as np
@@ -107,3 +108,31 @@ def test_errors():
         ambiguity.lambda_([0.1, 0.2], np.eye(3))
     many = ambiguity.lambda_(np.zeros((2, 2)), np.stack([np.eye(2), -np.eye(2)]))
     assert list(many.errors) == [1] and np.isnan(many.costs[1]).all()
+
+
+def test_numbers_that_cannot_be_are_refused():
+    Q = np.eye(2)
+    for horizon in (np.nan, -1):
+        with pytest.raises(kurs.NoSolution, match="the horizon is out of range"):
+            ambiguity.lambda_([0.1, 0.2], Q, horizon=horizon)
+    for wrong in (np.full((2, 2), np.nan), -Q):
+        with pytest.raises(kurs.NoSolution, match="not positive definite"):
+            ambiguity.success_rate(wrong)
+    assert np.isnan(ambiguity.success_rate(np.stack([Q, -Q]))).tolist() == [False, True]
+    Q = joint(np.random.default_rng(4))
+    for ambiguities_of, words in (([0, 0, 4], "list .* has dimension 3, expected 1"), ([0], "sum .* has dimension 0, expected 4")):
+        with pytest.raises(kurs.NoSolution, match=f"the {words}"):
+            ambiguity.array_constrained(
+                np.zeros(4), Q[:4, :4], [1, 0, 0], Q[4:, 4:], Q[:4, 4:], [[1, 0, 0]], ambiguities_of
+            )
+
+
+def test_candidates_in_a_pickle_are_the_same():
+    many = ambiguity.lambda_([[0.1, 0.2], [5.3, 6.4]], np.stack([np.eye(2), -np.eye(2)]), count=3)
+    Q = joint(np.random.default_rng(4))
+    one = ambiguity.length_constrained(np.full(4, 0.2), Q[:4, :4], [1, 0, 0], Q[4:, 4:], Q[:4, 4:], 1.0)
+    for found in (many, one):
+        again = pickle.loads(pickle.dumps(found))
+        for name in ("integers", "costs", "baselines_m", "proven_to", "success_rate"):
+            assert np.array_equal(getattr(again, name), getattr(found, name), equal_nan=True), name
+        assert again.errors == found.errors

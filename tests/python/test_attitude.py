@@ -1,5 +1,7 @@
 """Attitudes against 50-digit vectors, scipy, and themselves one by one."""
 
+import pickle
+
 import kurs
 import numpy as np
 import pytest
@@ -100,6 +102,9 @@ def test_heading_pitch_and_roll_are_those_of_the_conventions():
     level = attitude.angles(np.eye(3), np.diag([1e-4, 4e-4, 9e-4]))
     sds = [level.roll_sd_deg, level.pitch_sd_deg, level.heading_sd_deg]
     assert sds == pytest.approx(np.degrees([0.01, 0.02, 0.03]))
+    upright = attitude.angles(Rotation.from_euler("ZYX", [0, 90, 0], degrees=True).as_matrix(), 1e-4 * np.eye(3))
+    assert np.isnan([upright.heading_sd_deg, upright.roll_sd_deg]).all()
+    assert upright.pitch_sd_deg == pytest.approx(np.degrees(0.01))
 
 
 def test_weighted_is_the_least_squares_of_numpy():
@@ -160,3 +165,16 @@ def test_any_layout_and_lists():
     wide = np.zeros((5, 6))
     wide[:, ::2] = body[0]
     assert np.array_equal(attitude.wahba(wide[:, ::2], local[0]).matrix, wanted)
+
+
+def test_attitudes_in_a_pickle_are_the_same():
+    body, local, _, _ = scenes(2, vectors=3)
+    cov = 1e-6 * np.eye(3)
+    for found in (
+        attitude.weighted(body[0], local[0], cov),
+        attitude.weighted(body, local, np.stack([cov, -cov])),
+    ):
+        again = pickle.loads(pickle.dumps(found))
+        for name in ("matrix", "cov", "heading_deg", "roll_sd_deg", "cost", "cost_gap"):
+            assert np.array_equal(getattr(again, name), getattr(found, name), equal_nan=True), name
+        assert again.errors == found.errors

@@ -79,6 +79,28 @@ def test_errors_have_the_words_of_the_command_line(simulated, tmp_path):
     config = {"antenna": [{"name": n, "obs": [tmp_path / "no.rnx"]} for n in "AB"], "nav": {"files": [tmp_path / "no.rnx"]}}
     with pytest.raises(kurs.InputError, match="no.rnx"):
         kurs.solve(config)
+    for wrong in (None, 3, ["a.toml"]):
+        with pytest.raises(TypeError, match=r"the configuration is .*, expected the path of a file or a dictionary"):
+            kurs.solve(wrong)
+    config["solve"] = {"array_sd_m": np.float64("nan")}
+    with pytest.raises(kurs.UsageError, match="array_sd_m is nan, expected a finite number"):
+        kurs.solve(config)
+    with pytest.raises(kurs.UsageError, match="elevation_mask_deg is NaN, expected -5 to 89"):
+        kurs.solve(simulated / "kurs.toml", elevation_mask_deg=np.nan)
+    assert kurs.solve(simulated / "kurs.toml", bands=None).summary["fixed"] > 90
+
+
+def test_files_that_cannot_be_inspected_are_an_exception(simulated, capfd):
+    with pytest.raises(kurs.InputError, match="/no/such: .*\n/no/other: "):
+        kurs.inspect("/no/such", simulated / "A0.rnx", "/no/other")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_track_without_a_point_is_an_exception(tmp_path):
+    (tmp_path / "m.csv").write_text("time_s,station,range_m\n0,S,1e5\n")
+    station = {"name": "S", "latitude_deg": 60, "longitude_deg": 30, "height_m": 0, "range_sd_m": 5}
+    with pytest.raises(kurs.InputError, match="every point is lost, the first one because: "):
+        kurs.trajectory.track({"station": [station], "track": {"files": [tmp_path / "m.csv"]}})
 
 
 def solved_elsewhere(config):

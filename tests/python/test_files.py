@@ -1,5 +1,6 @@
 """Files against georinex."""
 
+import pickle
 import warnings
 
 import kurs
@@ -90,6 +91,8 @@ def test_states_of_broadcast_beside_precise_orbits(recordings):
         assert np.nanmax(np.abs(later - position - (velocity + 0)), initial=0) < 1.0
     # Broadcast orbits are good to two metres, and are those of the antenna, not of the centre of mass.
     assert np.count_nonzero(~np.isnan(errors)) > 300 and np.nanmedian(errors) < 3
+    again = pickle.loads(pickle.dumps(precise))
+    assert np.array_equal(again.state(satellite, times)[0], precise.state(satellite, times)[0], equal_nan=True)
     far = precise.state("G01", np.datetime64("1990-01-01"))
     assert np.isnan(far[0]).all() and np.isnan(far[2]).all()
 
@@ -100,3 +103,6 @@ def test_places_of_one_antenna(recordings):
     places = np.column_stack([found[name] for name in ("x_m", "y_m", "z_m")])
     spread = np.nanstd(places, axis=0)
     assert found.rows > 100 and (spread < 3).all()
+    for mask in (np.nan, -1e9, 90):
+        with pytest.raises(ValueError, match="elevation_mask_deg is .*, expected -5 to 89"):
+            kurs.point.solve(folder / "base.obs", kurs.read_nav(folder / "base.nav"), elevation_mask_deg=mask)

@@ -8,7 +8,9 @@ use kurs::ambiguity::sphere::Length;
 use kurs::ambiguity::success_rate::bootstrapped_success_rate;
 use kurs::ambiguity::{AmbiguityError, MixedFloat};
 use nalgebra::{DMatrix, DVector, Vector3};
-use numpy::{AllowTypeChange, PyArrayDyn, PyArrayLikeDyn, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, PyArray1, PyArrayDyn, PyArrayLikeDyn, PyReadonlyArray1, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -39,21 +41,27 @@ struct Found {
 #[derive(Debug)]
 pub(crate) struct Candidates {
     found: Vec<Found>,
+    shapes: Shapes,
+    errors: Vec<(usize, String)>,
+}
+
+/// [`Candidates`] in a pickle: shapes, integers, all other numbers in rows, the errors.
+type Parts<'py> = (
+    (Option<usize>, usize, usize, usize),
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<f64>>,
+    Vec<(usize, String)>,
+);
+
+/// Shapes of a search.
+#[derive(Debug, Clone, Copy)]
+struct Shapes {
+    /// `None`: one without a leading dimension.
     problems: Option<usize>,
     /// Of each problem.
     count: usize,
     ambiguities: usize,
     /// 0: there are none.
-    baselines: usize,
-    errors: Vec<(usize, AmbiguityError)>,
-}
-
-/// Shapes of a search.
-#[derive(Debug, Clone, Copy)]
-struct Shapes {
-    problems: Option<usize>,
-    count: usize,
-    ambiguities: usize,
     baselines: usize,
 }
 
@@ -61,6 +69,16 @@ struct Shapes {
 const MAX_NUMBERS: usize = 1 << 28;
 
 impl Shapes {
+    /// Integers of one problem.
+    fn integers(&self) -> usize {
+        self.count * self.ambiguities
+    }
+
+    /// Components of the baselines of one problem.
+    fn components(&self) -> usize {
+        self.count * self.baselines * 3
+    }
+
     /// Memory that cannot be had ends the interpreter.
     fn check(&self) -> PyResult<()> {
         let problems = self.problems.unwrap_or(1).max(1);
@@ -83,23 +101,24 @@ impl Candidates {
         solve: impl Fn(&mut M, usize) -> Result<Found, AmbiguityError> + Sync + Send,
     ) -> PyResult<Self> {
         shapes.check()?;
-        let Shapes { problems, count, ambiguities, baselines } = shapes;
-        let results = arrays::solve_all(py, problems, memory, solve);
+        let results = arrays::solve_all(py, shapes.problems, memory, solve);
         let mut errors = Vec::new();
         let found = results.into_iter().enumerate().map(|(problem, result)| {
             let mut found = result.unwrap_or_else(|error| {
-                errors.push((problem, error));
+                errors.push((problem, error.to_string()));
                 Found { proven_to: f64::NAN, success_rate: f64::NAN, ..Found::default() }
             });
-            found.integers.resize(count * ambiguities, 0);
-            found.costs.resize(count, f64::NAN);
-            found.baselines_m.resize(count * baselines * 3, f64::NAN);
+            found.integers.resize(shapes.integers(), 0);
+            found.costs.resize(shapes.count, f64::NAN);
+            found.baselines_m.resize(shapes.components(), f64::NAN);
             found
         });
         let found = found.collect();
         match errors.first() {
-            Some((_, error)) if problems.is_none() => Err(NoSolution::new_err(error.to_string())),
-            _ => Ok(Self { found, problems, count, ambiguities, baselines, errors }),
+            Some((_, error)) if shapes.problems.is_none() => {
+                Err(NoSolution::new_err(error.clone()))
+            }
+            _ => Ok(Self { found, shapes, errors }),
         }
     }
 
@@ -108,7 +127,7 @@ impl Candidates {
         py: Python<'py>,
         of: impl Fn(&Found) -> f64,
     ) -> PyResult<Bound<'py, PyAny>> {
-        arrays::numbers(py, self.found.iter().map(of).collect(), self.problems)
+        arrays::numbers(py, self.found.iter().map(of).collect(), self.shapes.problems)
     }
 }
 
@@ -118,21 +137,23 @@ impl Candidates {
     #[getter]
     fn integers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<i64>>> {
         let all = self.found.iter().flat_map(|f| f.integers.iter().copied()).collect();
-        arrays::shaped(py, all, self.problems, &[self.count, self.ambiguities])
+        let Shapes { problems, count, ambiguities, .. } = self.shapes;
+        arrays::shaped(py, all, problems, &[count, ambiguities])
     }
 
     /// Cost of each, without unit, (count,) or (N, count): the squared distance where there is no constraint.
     #[getter]
     fn costs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let all = self.found.iter().flat_map(|f| f.costs.iter().copied()).collect();
-        arrays::shaped(py, all, self.problems, &[self.count])
+        arrays::shaped(py, all, self.shapes.problems, &[self.shapes.count])
     }
 
     /// Baselines of each in the axes of b, metres, (count, k, 3) or (N, count, k, 3); k = 0 without a constraint.
     #[getter]
     fn baselines_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let all = self.found.iter().flat_map(|f| f.baselines_m.iter().copied()).collect();
-        arrays::shaped(py, all, self.problems, &[self.count, self.baselines, 3])
+        let Shapes { problems, count, baselines, .. } = self.shapes;
+        arrays::shaped(py, all, problems, &[count, baselines, 3])
     }
 
     /// Proven: every integer vector that is not listed costs at least this; a number or (N,).
@@ -152,13 +173,27 @@ impl Candidates {
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let errors = PyDict::new(py);
         for (problem, error) in &self.errors {
-            errors.set_item(problem, error.to_string())?;
+            errors.set_item(problem, error)?;
         }
         Ok(errors)
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let Shapes { problems, count, ambiguities, baselines } = self.shapes;
+        let integers = self.found.iter().flat_map(|f| f.integers.iter().copied()).collect();
+        let reals = self.found.iter().flat_map(|f| {
+            let of_all = [f.proven_to, f.success_rate];
+            f.costs.iter().chain(&f.baselines_m).copied().chain(of_all)
+        });
+        let reals = PyArray1::from_vec(py, reals.collect());
+        let integers = PyArray1::from_vec(py, integers);
+        let shapes = (problems, count, ambiguities, baselines);
+        let rebuild = py.import("kurs._native")?.getattr("candidates_of_parts")?;
+        Ok((rebuild, (shapes, integers, reals, self.errors.clone())))
+    }
+
     fn __repr__(&self) -> String {
-        match (self.problems, self.found.as_slice()) {
+        match (self.shapes.problems, self.found.as_slice()) {
             (None, [one]) => {
                 format!("Candidates(costs={:?}, proven_to={})", one.costs, one.proven_to)
             }
@@ -167,6 +202,31 @@ impl Candidates {
             }
         }
     }
+}
+
+/// Candidates out of a pickle.
+#[pyfunction]
+pub(crate) fn candidates_of_parts(
+    shapes: (Option<usize>, usize, usize, usize),
+    integers: PyReadonlyArray1<'_, i64>,
+    reals: PyReadonlyArray1<'_, f64>,
+    errors: Vec<(usize, String)>,
+) -> PyResult<Candidates> {
+    let (problems, count, ambiguities, baselines) = shapes;
+    let shapes = Shapes { problems, count, ambiguities, baselines };
+    let (integers, reals) = (integers.as_slice()?, reals.as_slice()?);
+    let of_reals = count + shapes.components();
+    let found = (0..problems.unwrap_or(1)).map(|problem| {
+        let row = &reals[problem * (of_reals + 2)..][..of_reals + 2];
+        Found {
+            integers: integers[problem * shapes.integers()..][..shapes.integers()].to_vec(),
+            costs: row[..count].to_vec(),
+            baselines_m: row[count..of_reals].to_vec(),
+            proven_to: row[of_reals],
+            success_rate: row[of_reals + 1],
+        }
+    });
+    Ok(Candidates { found: found.collect(), shapes, errors })
 }
 
 /// The `count` integer vectors nearest to `a` (n,), cycles, in the metric of `Q` (n, n), cycles².
@@ -340,8 +400,8 @@ pub(crate) fn array_constrained(
 
 /// Probability that integer bootstrapping finds the right integers for covariance Q (n, n), cycles².
 ///
-/// After decorrelation: a close lower bound for integer least squares. Give (N, n, n) for N problems at once;
-/// NaN where Q is not positive definite.
+/// After decorrelation: a close lower bound for integer least squares. Give (N, n, n) for N problems at once: NaN
+/// where Q is not positive definite, which is NoSolution for one.
 #[pyfunction]
 #[allow(non_snake_case)]
 pub(crate) fn success_rate<'py>(py: Python<'py>, Q: Numbers<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -350,7 +410,11 @@ pub(crate) fn success_rate<'py>(py: Python<'py>, Q: Numbers<'py>) -> PyResult<Bo
     let count = arrays::count(&[("Q", &covariance)])?;
     let of = |decorrelation: &mut Decorrelation, problem: usize| {
         let matrix: DMatrix<f64> = covariance.matrix(problem);
-        decorrelation.compute(&matrix).map_or(f64::NAN, |()| rate(decorrelation))
+        decorrelation.compute(&matrix).map(|()| rate(decorrelation))
     };
-    arrays::numbers(py, arrays::solve_all(py, count, Decorrelation::default, of), count)
+    let rates = arrays::solve_all(py, count, Decorrelation::default, of);
+    if let (None, [Err(error)]) = (count, rates.as_slice()) {
+        return Err(NoSolution::new_err(error.to_string()));
+    }
+    arrays::numbers(py, rates.into_iter().map(|rate| rate.unwrap_or(f64::NAN)).collect(), count)
 }

@@ -1,5 +1,7 @@
 //! `kurs.attitude`: rotations from vectors, baselines and phases.
 
+use std::f64::consts::PI;
+
 use kurs::attitude::reduction::{BaselineWeight, SingleDifferences};
 use kurs::attitude::{
     AttitudeError, AttitudeProblem, angles as of_angles, joint, three_point as published,
@@ -7,7 +9,10 @@ use kurs::attitude::{
 };
 use kurs::frames::{self, Body, Ned, Rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
-use numpy::{AllowTypeChange, PyArrayDyn, PyArrayLikeDyn};
+use numpy::{
+    AllowTypeChange, PyArray1, PyArray2, PyArrayDyn, PyArrayLikeDyn, PyArrayMethods,
+    PyReadonlyArray2,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -36,6 +41,24 @@ impl Found {
         Self { local_from_body, covariance_rad2, cost: UNKNOWN, cost_gap: UNKNOWN }
     }
 
+    /// Numbers of [`Found::row`].
+    const ROW: usize = 20;
+
+    /// For [`Found::of_row`].
+    fn row(&self) -> Vec<f64> {
+        let matrices = self.local_from_body.iter().chain(&self.covariance_rad2);
+        matrices.copied().chain([self.cost, self.cost_gap]).collect()
+    }
+
+    fn of_row(row: &[f64]) -> Self {
+        Self {
+            local_from_body: Matrix3::from_column_slice(&row[..9]),
+            covariance_rad2: Matrix3::from_column_slice(&row[9..18]),
+            cost: row[18],
+            cost_gap: row[19],
+        }
+    }
+
     fn nothing() -> Self {
         Self::rotation(Matrix3::from_element(UNKNOWN))
     }
@@ -55,9 +78,11 @@ impl Found {
         frames::Attitude::from_ned_from_body(&Rotation::from_matrix(self.local_from_body))
     }
 
-    /// Of heading, pitch and roll, rad².
-    fn angle_covariance_rad2(&self) -> Matrix3<f64> {
-        of_angles::angle_covariance(&self.angles(), &self.covariance_rad2)
+    /// Of heading (0), pitch (1) or roll (2); nothing is known of an angle that may be off by half a turn and more.
+    fn angle_sd_rad(&self, angle: usize) -> f64 {
+        let covariance = of_angles::angle_covariance(&self.angles(), &self.covariance_rad2);
+        let sd_rad = covariance[(angle, angle)].sqrt();
+        if sd_rad < PI { sd_rad } else { UNKNOWN }
     }
 }
 
@@ -71,8 +96,11 @@ pub(crate) struct Attitude {
     found: Vec<Found>,
     /// `None`: one rotation without a leading dimension.
     count: Option<usize>,
-    errors: Vec<(usize, AttitudeError)>,
+    errors: Vec<(usize, String)>,
 }
+
+/// An [`Attitude`] in a pickle: matrices, covariances, costs and gaps in rows (n, 20), the number, the errors.
+type Parts<'py> = (Bound<'py, PyArray2<f64>>, Option<usize>, Vec<(usize, String)>);
 
 impl Attitude {
     /// Solves all problems. One that has no solution is an exception if it is alone, else NaN with its
@@ -86,13 +114,13 @@ impl Attitude {
         let mut errors = Vec::new();
         let found = results.into_iter().enumerate().map(|(problem, result)| {
             result.unwrap_or_else(|error| {
-                errors.push((problem, error));
+                errors.push((problem, error.to_string()));
                 Found::nothing()
             })
         });
         let found = found.collect();
         match errors.first() {
-            Some((_, error)) if count.is_none() => Err(NoSolution::new_err(error.to_string())),
+            Some((_, error)) if count.is_none() => Err(NoSolution::new_err(error.clone())),
             _ => Ok(Self { found, count, errors }),
         }
     }
@@ -169,22 +197,22 @@ impl Attitude {
         self.degrees(py, |f| f.angles().roll_rad)
     }
 
-    /// Standard deviation of the heading, degrees.
+    /// Standard deviation of the heading, degrees; NaN where unknown, as near the vertical.
     #[getter]
     fn heading_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.degrees(py, |f| f.angle_covariance_rad2()[(0, 0)].sqrt())
+        self.degrees(py, |f| f.angle_sd_rad(0))
     }
 
-    /// Standard deviation of the pitch, degrees.
+    /// Standard deviation of the pitch, degrees; NaN where unknown.
     #[getter]
     fn pitch_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.degrees(py, |f| f.angle_covariance_rad2()[(1, 1)].sqrt())
+        self.degrees(py, |f| f.angle_sd_rad(1))
     }
 
-    /// Standard deviation of the roll, degrees.
+    /// Standard deviation of the roll, degrees; NaN where unknown, as near the vertical.
     #[getter]
     fn roll_sd_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.degrees(py, |f| f.angle_covariance_rad2()[(2, 2)].sqrt())
+        self.degrees(py, |f| f.angle_sd_rad(2))
     }
 
     /// Weighted squares at the minimum, halved and without their constant; NaN where unknown.
@@ -204,7 +232,7 @@ impl Attitude {
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let errors = PyDict::new(py);
         for (problem, error) in &self.errors {
-            errors.set_item(problem, error.to_string())?;
+            errors.set_item(problem, error)?;
         }
         Ok(errors)
     }
@@ -213,6 +241,13 @@ impl Attitude {
     fn to_scipy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rotation = py.import("scipy.spatial.transform")?.getattr("Rotation")?;
         rotation.call_method1("from_matrix", (self.matrix(py)?,))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let rows = self.found.iter().flat_map(Found::row).collect();
+        let rows = PyArray1::from_vec(py, rows).reshape([self.found.len(), Found::ROW])?;
+        let rebuild = py.import("kurs._native")?.getattr("attitude_of_parts")?;
+        Ok((rebuild, (rows, self.count, self.errors.clone())))
     }
 
     /// N, or an exception for one rotation without a leading dimension.
@@ -236,6 +271,17 @@ impl Attitude {
             }
         }
     }
+}
+
+/// An attitude out of a pickle.
+#[pyfunction]
+pub(crate) fn attitude_of_parts(
+    rows: PyReadonlyArray2<'_, f64>,
+    count: Option<usize>,
+    errors: Vec<(usize, String)>,
+) -> PyResult<Attitude> {
+    let found = rows.as_slice()?.chunks_exact(Found::ROW).map(Found::of_row).collect();
+    Ok(Attitude { found, count, errors })
 }
 
 /// local_from_body that carries body (m, 3) onto local (m, 3) best, by Wahba's closed form.

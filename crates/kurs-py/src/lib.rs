@@ -18,11 +18,13 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use crate::ambiguity::{
-        Candidates, array_constrained, lambda, length_constrained, success_rate,
+        Candidates, array_constrained, candidates_of_parts, lambda, length_constrained,
+        success_rate,
     };
     #[pymodule_export]
     use crate::attitude::{
-        Attitude, angles, from_phases, general, relative, three_point, wahba, weighted,
+        Attitude, angles, attitude_of_parts, from_phases, general, relative, three_point, wahba,
+        weighted,
     };
     #[pymodule_export]
     use crate::command::{call, run, toml_of_json, version};

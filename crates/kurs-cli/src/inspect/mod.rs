@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use kurs::ephemeris::NavigationData;
 use kurs::time::{Calendar, GpsTime};
 use kurs_formats::content::Content;
@@ -139,11 +140,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let files = InputFile::open_all(&args.files)?;
     let files: Vec<&Path> = files.iter().map(InputFile::path).collect();
     let known = read_navigation(args, &files)?;
-    let mut reports = Vec::new();
+    let (mut reports, mut unusable) = (Vec::new(), Vec::new());
     for file in files {
         let found = inspect(file, &known).unwrap_or_else(|error| {
             let (file, error) = (file.display().to_string(), pipe::told(&error.to_string()));
-            eprintln!("error: {error}");
+            unusable.push(error.clone());
             vec![Report::Unusable { file, error }]
         });
         reports.extend(found.into_iter().map(Report::with_given_name));
@@ -166,8 +167,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         None => args.tell(&reports)?,
     }
-    let unusable = reports.iter().any(|report| matches!(report, Report::Unusable { .. }));
-    Ok(ExitCode::from(u8::from(unusable)))
+    if unusable.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("{}", unusable.join("\n")) }
 }
 
 impl Args {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,36 +26,39 @@ _PATHS = frozenset({"obs", "files", "file", "calibration", "attitude", "solve", 
 @contextmanager
 def config_file(config: Config) -> Iterator[str]:
     """The path of a configuration; paths in a dictionary are relative to the working directory."""
-    if not isinstance(config, Mapping):
+    if isinstance(config, (str, PathLike)):
         yield str(config)
         return
+    if not isinstance(config, Mapping):
+        raise TypeError(f"the configuration is {config!r}, expected the path of a file or a dictionary")
     with tempfile.TemporaryDirectory(prefix="kurs-") as folder:
         path = Path(folder) / "config.toml"
-        text = _native.toml_of_json(json.dumps(_with_whole_paths(config), default=_plain))
+        text = _native.toml_of_json(json.dumps(_for_json(config), default=str))
         path.write_text(text, encoding="utf-8")
         yield str(path)
 
 
-def _plain(value: Any) -> Any:
-    """Arrays as lists, paths as texts."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def _with_whole_paths(value: Any, key: str = "") -> Any:
+def _for_json(value: Any, key: str = "") -> Any:
+    """Arrays as lists, paths whole, and only numbers that JSON has."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, Mapping):
-        return {name: _with_whole_paths(inner, name) for name, inner in value.items()}
+        return {name: _for_json(inner, name) for name, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_with_whole_paths(inner, key) for inner in value]
+        return [_for_json(inner, key) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise _native.UsageError(f"{key} is {value}, expected a finite number")
     if key in _PATHS and isinstance(value, (str, PathLike)):
         return str(Path(value).absolute())
     return value
 
 
 def settings(overrides: Mapping[str, Any]) -> list[str]:
-    """`--set` for each override; `nav__as_received=True` sets the key `nav.as_received`."""
+    """`--set` for each override; `nav__as_received=True` sets the key `nav.as_received`, None leaves one as it is."""
     return [
         argument
         for key, value in overrides.items()
+        if value is not None
         for argument in ("--set", f"{key.replace('__', '.')}={_toml_value(value)}")
     ]
 
@@ -66,7 +70,8 @@ def _toml_value(value: Any) -> str:
         return json.dumps(str(value))
     if isinstance(value, (list, tuple)):
         return "[" + ",".join(_toml_value(inner) for inner in value) + "]"
-    return json.dumps(value)
+    # TOML writes nan and inf as Python does.
+    return repr(value) if isinstance(value, float) else json.dumps(value)
 
 
 def run(command: str, *arguments: str | PathLike[str]) -> int:

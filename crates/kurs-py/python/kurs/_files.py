@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,8 +91,13 @@ def read_obs(
 class Navigation:
     """Broadcast and precise ephemerides of navigation files."""
 
-    def __init__(self, native: _native.Navigation) -> None:
-        self.native = native
+    def __init__(self, files: Sequence[str]) -> None:
+        self._files = list(files)
+        self.native = _native.read_nav(self._files)
+
+    def __reduce__(self) -> tuple[type[Navigation], tuple[list[str]]]:
+        """Another process reads the files again."""
+        return Navigation, ([str(Path(file).absolute()) for file in self._files],)
 
     @property
     def satellites(self) -> list[str]:
@@ -112,4 +118,4 @@ class Navigation:
 
 def read_nav(files: Paths) -> Navigation:
     """Ephemerides of navigation files together: RINEX, SP3, receiver logs."""
-    return Navigation(_native.read_nav(paths(files)))
+    return Navigation(paths(files))
