@@ -550,7 +550,7 @@ mod tests {
         assert!(integer_least_squares(&float, &q, 0).unwrap().is_empty());
         let mut search = IntegerLeastSquares { horizon: 1.0, ..Default::default() };
         let all = search.solve(&float, &q, usize::MAX).unwrap();
-        assert_eq!(many[..all.len()], all[..]);
+        assert_eq!(all[..50], many[..]);
     }
 
     #[test]
