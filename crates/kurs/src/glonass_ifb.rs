@@ -13,6 +13,9 @@
 //! *Carrier-phase inter-frequency biases of GLONASS receivers*, J. Geodesy 86). Until it is known,
 //! receivers count as alike, and an epoch that is not fixed so is tried again without the phases of
 //! GLONASS.
+//!
+//! What is carried from epoch to epoch must not change: there the phases of receivers that have shown to be mixed are left
+//! out until their bias is known, and then come with the first value that is.
 
 use core::f64::consts::TAU;
 use std::collections::BTreeMap;
@@ -40,6 +43,8 @@ const STEP_M: f64 = 0.001;
 const FORGETTING: f64 = 0.005;
 /// Pairs share satellites and epochs their reflections: this many count as one.
 const PAIRS_FOR_ONE: f64 = 50.0;
+/// So many epochs in a row that hold without GLONASS alone show that receivers are mixed.
+const EPOCHS_WITHOUT: usize = 5;
 /// No estimate is better than this, m.
 const MIN_SD_M: f64 = 0.0003;
 
@@ -51,6 +56,9 @@ pub(crate) struct GlonassIfb {
     /// The phases of GLONASS in this epoch as they were observed.
     observed: Vec<Observed>,
     reference: usize,
+    /// Where phases are carried on: how many epochs in a row held without GLONASS alone, and the biases that are taken out.
+    without: usize,
+    carried: BTreeMap<(usize, usize, Band), (f64, f64)>,
 }
 
 /// A phase before any correction.
@@ -78,13 +86,14 @@ struct Estimate {
 }
 
 impl GlonassIfb {
-    /// Takes known biases out of the phases; unknown ones stay.
+    /// Takes known biases out of the phases; unknown ones stay. Where phases `are_carried` from epoch to epoch see the module.
     ///
     /// Nothing is done where GLONASS is alone: no other system could tell a bias.
     pub(crate) fn apply(
         &mut self,
         links: &mut [Link],
         reference: usize,
+        are_carried: bool,
         noise: &NoiseModel,
         channel: impl Fn(Satellite) -> Option<i8>,
     ) {
@@ -111,11 +120,37 @@ impl GlonassIfb {
             if link.antenna == reference {
                 continue;
             }
-            if let Some((bias_m, sd_m)) = self.known(link.antenna, band) {
+            if let Some((bias_m, sd_m)) = self.applied(link.antenna, band, are_carried) {
                 link.phase_m = Some(phase_m - bias_m * f64::from(channel));
                 let remaining = NoiseModel { channel_sd_m: sd_m, ..*noise };
                 link.common_sd_cycles = remaining.common_cycles(link.wavelength_m);
+            } else if are_carried && self.is_mixed() {
+                link.phase_m = None;
             }
+        }
+    }
+
+    /// The bias that is taken out of a phase, and its standard deviation.
+    fn applied(&mut self, antenna: usize, band: Band, are_carried: bool) -> Option<(f64, f64)> {
+        let known = self.known(antenna, band);
+        if !are_carried {
+            return known;
+        }
+        let known = known.filter(|_| self.is_mixed())?;
+        Some(*self.carried.entry((self.reference, antenna, band)).or_insert(known))
+    }
+
+    /// Whether receivers have shown to be unlike, where phases are carried on.
+    fn is_mixed(&self) -> bool {
+        self.without >= EPOCHS_WITHOUT
+    }
+
+    /// Hears whether an epoch holds, and whether it does without GLONASS alone.
+    pub(crate) fn hear(&mut self, holds_without_alone: bool) {
+        if holds_without_alone {
+            self.without += 1;
+        } else if !self.is_mixed() {
+            self.without = 0;
         }
     }
 
@@ -123,14 +158,17 @@ impl GlonassIfb {
         self.of.get(&(self.reference, antenna, band)).and_then(|bias| bias.known)
     }
 
-    /// Whether the phase of this link may have a bias that is not known yet.
-    pub(crate) fn is_unknown(&self, link: &Link) -> bool {
+    /// Whether the phase of this link may have a bias that is not taken out.
+    pub(crate) fn is_unknown(&self, link: &Link, are_carried: bool) -> bool {
+        let key = (self.reference, link.antenna, link.signal.band);
+        let is_out = match are_carried {
+            true => self.carried.contains_key(&key),
+            false => self.known(link.antenna, link.signal.band).is_some(),
+        };
         let of_link = |o: &Observed| {
             (o.antenna, o.satellite, o.band) == (link.antenna, link.satellite, link.signal.band)
         };
-        link.antenna != self.reference
-            && self.observed.iter().any(of_link)
-            && self.known(link.antenna, link.signal.band).is_none()
+        link.antenna != self.reference && !is_out && self.observed.iter().any(of_link)
     }
 
     /// Learns from a fixed epoch: corrections to the approximate baselines of `rovers`, m.

@@ -145,7 +145,7 @@ pub(crate) fn station_trouble(loaded: &Loaded, station: StationUse) -> Option<Da
     };
     let files = loaded.config.station.iter().flat_map(|station| &station.obs);
     let files: Vec<String> = files.map(|path| named(&loaded.path(path))).collect();
-    Some(Damage { file: files.join(", "), line: 1, what })
+    Some(Damage::at(files.join(", "), 1, what))
 }
 
 /// Navigation data of all files, the logs among the observation files too; what was damaged in them.

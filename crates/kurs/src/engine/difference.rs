@@ -11,7 +11,6 @@ use super::estimator::Estimator;
 use super::fix::Epoch;
 use super::locate::{CommonFrame, Located, select, shared_satellites};
 use super::noise_levels::Residuals;
-use super::settings::Ambiguities;
 
 /// Outliers of the code hide each other; after two rounds hardly any is left.
 const MAX_REWEIGHTINGS: usize = 2;
@@ -82,11 +81,9 @@ impl Estimator {
         if self.is_code_only() {
             links.iter_mut().for_each(|link| link.phase_m = None);
         }
-        // A bias that becomes known would be a cycle slip to what is carried on.
-        if self.settings.ambiguities == Ambiguities::Instantaneous {
-            let channel = |satellite| navigation.ephemerides.glonass_channel(satellite);
-            self.glonass_ifb.apply(links, frame.reference, &self.settings.noise, channel);
-        }
+        let channel = |satellite| navigation.ephemerides.glonass_channel(satellite);
+        let (are_carried, noise) = (self.recursive.is_some(), &self.settings.noise);
+        self.glonass_ifb.apply(links, frame.reference, are_carried, noise, channel);
         // Phases of one arc are counted from the same whole cycle in all its epochs.
         if let Some(memory) = &self.recursive {
             let continuity = &self.continuity;

@@ -219,16 +219,21 @@ impl Estimator {
         self.learn_phases(&epoch, &fix);
 
         let (settings, glonass_ifb) = (&self.settings, &self.glonass_ifb);
+        let are_carried = self.recursive.is_some();
         // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
         // those of the others: their messages are modulated in another way.
         let is_mixed = |link: &Link| {
             let is_geostationary = link.satellite.is_beidou_geo();
-            link.phase_m.is_some() && (is_geostationary || glonass_ifb.is_unknown(link))
+            link.phase_m.is_some()
+                && (is_geostationary || glonass_ifb.is_unknown(link, are_carried))
         };
         let doubted =
             Doubted { epoch: &epoch, fix: &fix, settings, known, doubt, is_mixed: &is_mixed };
         let Trials { best, misfit_without_mixed } = self.subsets.find(&mut self.searches, &doubted);
         let left_out = best.as_ref().map(|subset| subset.left_out);
+        if are_carried && (best.is_some() || fix.is_accepted()) {
+            self.glonass_ifb.hear(left_out == Some(LeftOut::MixedReceiverPhases));
+        }
         if let Some(subset) = best {
             (epoch.links, epoch.groups) = (subset.links, subset.groups);
             (epoch.float, fix) = (subset.float, subset.fix);

@@ -46,6 +46,9 @@ const MIN_IONOSPHERE_SD_M: f64 = 0.1;
 const SUSPECT: f64 = 5.0;
 /// All residuals together do not fit their weights from this multiple of the expected size on.
 const INCONSISTENT_RMS: f64 = 3.0;
+/// Degrees of freedom that the assumed noise of code counts for beside an epoch's residuals: between receivers and skies its
+/// variance differs by a factor of 1.6 (1 sigma), as a χ² of eight degrees does.
+const NOISE_PRIOR: f64 = 8.0;
 /// A residual whose variance is a smaller share of its observation's checks nothing.
 const MIN_CHECKED: f64 = 1e-6;
 /// Of the satellites, and of the pairs, this many that explain the misfit best are left out on trial.
@@ -410,10 +413,17 @@ impl<'a> PositionFit<'a> {
             || (self.unit_weight_rms() < INCONSISTENT_RMS && self.rows.iter().all(fits))
     }
 
-    /// By how much the variances have to grow so that residuals which no single fault explains are what they
-    /// promise: where satellites contradict each other, half against half, nobody knows whom to believe.
+    /// By how much the variances have to grow so that residuals which no single fault explains are what they promise. Code that
+    /// is noisier than assumed counts beside what was assumed, `(ν₀ + vᵀPv)/(ν₀ + ν)`; where satellites contradict each
+    /// other, half against half, nobody knows whom to believe, and the residuals alone count.
     fn misfit_factor(&self) -> f64 {
-        if self.is_consistent() { 1.0 } else { self.unit_weight_rms().powi(2).max(1.0) }
+        let redundancy = self.redundancy() as f64;
+        let square = self.unit_weight_rms().powi(2);
+        let factor = match self.is_consistent() {
+            true => (NOISE_PRIOR + square * redundancy) / (NOISE_PRIOR + redundancy),
+            false => square,
+        };
+        factor.max(1.0)
     }
 
     /// A residual over its standard deviation; zero for a satellite that the position rests on alone.
