@@ -1,5 +1,7 @@
 //! The method, step by step, and what it remembers from epoch to epoch.
 
+use std::borrow::Cow;
+
 use nalgebra::DVector;
 
 use crate::antenna_calibration::MountedAntenna;
@@ -298,19 +300,20 @@ impl Estimator {
             let cycles = |link: &Link| self.witness.proven(link, &self.continuity);
             let integers = float.integers_of(links, cycles)?;
             let conditional = float.conditional(&integers).filter(|_| !integers.is_empty())?;
-            Some((integers, conditional))
+            let residuals = float.phase_residuals(links, &integers, &conditional.correction_m);
+            Some((Cow::Owned(residuals), conditional.phase_fit))
         };
         let strong = || {
-            let found = fix.found.as_ref().ok().filter(|_| fix.is_strong() && fix.is_sure())?;
-            Some((found.integers.clone(), fix.conditional.clone()?))
+            let is_strong = fix.conditional.is_some() && fix.is_strong() && fix.is_sure();
+            is_strong.then(|| (Cow::Borrowed(fix.phase_residuals(epoch)), fix.phase_fit()))
         };
-        let Some((integers, conditional)) = strong().or_else(proven) else { return };
+        let Some((residuals, fit)) = strong().or_else(proven) else { return };
         let residuals = Residuals {
             links,
-            residuals: &float.phase_residuals(links, &integers, &conditional.correction_m),
+            residuals: &residuals,
             redundancies: &float.phase_redundancies(),
-            degrees_of_freedom: conditional.phase_fit.degrees_of_freedom,
-            baseline_unknowns: conditional.correction_m.len(),
+            degrees_of_freedom: fit.degrees_of_freedom,
+            baseline_unknowns: float.correction_m.len(),
         };
         self.levels.learn_phase(&residuals);
     }

@@ -1,5 +1,6 @@
 //! The integers of an epoch: searched, weighed, and checked by themselves.
 
+use std::cell::OnceCell;
 use std::ops::Range;
 
 use nalgebra::DVector;
@@ -63,6 +64,8 @@ pub(super) struct Fix {
     pub(super) success_rate: Option<f64>,
     /// [`Searches::is_strong_without_constraint`].
     pub(super) is_strong_without_constraint: bool,
+    /// [`phase_residuals`](Self::phase_residuals), once somebody has asked for them.
+    residuals: OnceCell<Vec<(usize, f64)>>,
 }
 
 impl Fix {
@@ -75,6 +78,7 @@ impl Fix {
             checks: Checks::default(),
             success_rate: None,
             is_strong_without_constraint: false,
+            residuals: OnceCell::new(),
         }
     }
 
@@ -126,16 +130,20 @@ impl Fix {
         (baselines, correction_m.clone())
     }
 
+    /// Normalised residuals of the phases of its epoch.
+    pub(super) fn phase_residuals(&self, epoch: &Epoch) -> &[(usize, f64)] {
+        let (Ok(found), Some(fixed)) = (&self.found, &self.conditional) else { return &[] };
+        let Epoch { float, links, .. } = epoch;
+        self.residuals
+            .get_or_init(|| float.phase_residuals(links, &found.integers, &fixed.correction_m))
+    }
+
     /// Factor on the covariance of the baselines: what the residuals of the epoch's phases say of the noise.
     pub(super) fn epoch_factor(&self, epoch: &Epoch) -> f64 {
-        let (Ok(found), Some(fixed)) = (&self.found, &self.conditional) else { return 1.0 };
-        if !self.is_sure() {
-            return 1.0;
-        }
-        let (links, correction_m) = (&epoch.links, &fixed.correction_m);
-        let residuals = epoch.float.phase_residuals(links, &found.integers, correction_m);
+        let Some(fixed) = self.conditional.as_ref().filter(|_| self.is_sure()) else { return 1.0 };
+        let (links, residuals) = (&epoch.links, self.phase_residuals(epoch));
         let degrees_of_freedom = fixed.phase_fit.degrees_of_freedom;
-        noise_levels::epoch_factor(links, &residuals, degrees_of_freedom, correction_m.len())
+        noise_levels::epoch_factor(links, residuals, degrees_of_freedom, fixed.correction_m.len())
     }
 }
 
@@ -181,6 +189,7 @@ impl Fix {
             found: Ok(found),
             checks,
             is_strong_without_constraint: false,
+            residuals: OnceCell::new(),
         }
     }
 }

@@ -338,7 +338,7 @@ impl Residuals<'_> {
         let satellites = self.by_satellite();
         let left = self.left(satellites.len());
         let mut share = CommonShare::default();
-        for Together { bands, sum, squares } in satellites.into_iter().filter(|s| s.bands > 1) {
+        for Together { bands, sum, squares, .. } in satellites.into_iter().filter(|s| s.bands > 1) {
             share.together += weight * (sum * sum / left - squares);
             share.apart += weight * (bands - 1) as f64 * squares;
         }
@@ -380,28 +380,36 @@ impl Residuals<'_> {
     /// Sums over the bands of each satellite at each antenna.
     fn by_satellite(&self) -> Vec<Together> {
         let limit = MAX_SQUARE.sqrt();
-        let keyed = |(link, z): &(usize, f64)| {
+        let mut found: Vec<Together> = Vec::with_capacity(self.residuals.len());
+        let mut next = 0;
+        for (link, z) in self.residuals {
             let Link { antenna, satellite, .. } = self.links[*link];
-            let key = (antenna as u64) << 16 | u64::from(satellite.ordinal());
-            (key, *link, z.clamp(-limit, limit))
-        };
-        let mut sorted: Vec<_> = self.residuals.iter().map(keyed).collect();
-        sorted.sort_unstable_by_key(|(key, link, _)| (*key, *link));
-        let of_satellite = |residuals: &[(u64, usize, f64)]| {
-            let values = || residuals.iter().map(|(.., z)| z);
-            Together {
-                bands: residuals.len(),
-                sum: values().sum(),
-                squares: values().map(|z| z * z).sum(),
-            }
-        };
-        sorted.chunk_by(|a, b| a.0 == b.0).map(of_satellite).collect()
+            let (key, z) = ((antenna, satellite), z.clamp(-limit, limit));
+            // Bands have their satellites in the same order.
+            let place = match found.get(next) {
+                Some(one) if one.key == key => next,
+                _ => found.iter().position(|one| one.key == key).unwrap_or_else(|| {
+                    found.push(Together { key, bands: 0, sum: 0.0, squares: 0.0 });
+                    found.len() - 1
+                }),
+            };
+            next = place + 1;
+            let one = &mut found[place];
+            *one = Together {
+                key,
+                bands: one.bands + 1,
+                sum: one.sum + z,
+                squares: one.squares + z * z,
+            };
+        }
+        found
     }
 }
 
 /// The residuals of one satellite at one antenna.
 #[derive(Debug, Clone, Copy)]
 struct Together {
+    key: (usize, Satellite),
     bands: usize,
     sum: f64,
     squares: f64,
