@@ -14,6 +14,6 @@ with tempfile.TemporaryDirectory() as folder:
         counts = solution.summary
         print(f"{constraint}: {counts['fixed']} of {counts['epochs']} epochs fixed")
 
-#> none: 43 of 61 epochs fixed
+#> none: 47 of 61 epochs fixed
 #> length: 56 of 61 epochs fixed
 #> array: 58 of 61 epochs fixed
