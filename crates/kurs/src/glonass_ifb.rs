@@ -43,7 +43,7 @@ const STEP_M: f64 = 0.001;
 const FORGETTING: f64 = 0.005;
 /// Pairs share satellites and epochs their reflections: this many count as one.
 const PAIRS_FOR_ONE: f64 = 50.0;
-/// So many epochs in a row that hold without GLONASS alone show that receivers are mixed.
+/// So many epochs in a row that fit without GLONASS alone show that receivers are mixed.
 const EPOCHS_WITHOUT: usize = 5;
 /// No estimate is better than this, m.
 const MIN_SD_M: f64 = 0.0003;
@@ -56,7 +56,7 @@ pub(crate) struct GlonassIfb {
     /// The phases of GLONASS in this epoch as they were observed.
     observed: Vec<Observed>,
     reference: usize,
-    /// Where phases are carried on: how many epochs in a row held without GLONASS alone, and the biases that are taken out.
+    /// Where phases are carried on: how many epochs in a row fitted without GLONASS alone, and the biases that are taken out.
     without: usize,
     carried: BTreeMap<(usize, usize, Band), (f64, f64)>,
 }
@@ -145,9 +145,9 @@ impl GlonassIfb {
         self.without >= EPOCHS_WITHOUT
     }
 
-    /// Hears whether an epoch holds, and whether it does without GLONASS alone.
-    pub(crate) fn hear(&mut self, holds_without_alone: bool) {
-        if holds_without_alone {
+    /// Hears whether an epoch fits without the phases of GLONASS alone.
+    pub(crate) fn hear(&mut self, fits_without_alone: bool) {
+        if fits_without_alone {
             self.without += 1;
         } else if !self.is_mixed() {
             self.without = 0;

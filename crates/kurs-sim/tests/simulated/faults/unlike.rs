@@ -1,6 +1,7 @@
 //! Receivers that do not measure alike: GLONASS channels, BeiDou orbits.
 
-use kurs::engine::Constraint;
+use kurs::engine::{Ambiguities, Constraint};
+use kurs::float_solution::recursive::Motion;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::System;
 use kurs_sim::scenario::{BeiDouOrbit, Bias};
@@ -96,6 +97,26 @@ fn glonass_of_mixed_receivers_learns_from_gps() {
         assert!(all >= 0.9, "{cycles_per_channel}: {all}");
         println!("with three satellites of GPS left: {few} {alike:?} {gps_alone:?}");
         assert!(few >= 0.9 && few > gps_alone[1] + 0.5, "{few} {alike:?} {gps_alone:?}");
+    }
+}
+
+/// The same where ambiguities are carried on, and GPS alone is too weak: the phases of GLONASS are left out until their bias is
+/// known, and help then.
+#[test]
+fn glonass_of_mixed_receivers_in_continuous_sessions() {
+    let run = |cycles_per_channel: f64, systems: &[&str]| {
+        let bias = Bias { phase_cycles_per_channel: cycles_per_channel, ..Bias::default() };
+        let mut scene = with_bias(3, &["G1C", "R1C"], systems, &bias);
+        scene.settings.ambiguities = Ambiguities::Continuous(Motion::Free);
+        let [counts, _] = count(scene, f64::INFINITY, |_, _| {});
+        println!("{cycles_per_channel} cycles a channel, {systems:?}, continuous: {counts:?}");
+        assert_eq!(counts.wrong, 0, "{cycles_per_channel}");
+        counts.right
+    };
+    let gps_alone = run(0.0, &["G"]);
+    for cycles_per_channel in [0.027, 0.107, -0.155] {
+        let right = run(cycles_per_channel, &["G", "R"]);
+        assert!(right >= gps_alone + 20, "{cycles_per_channel}: {right}, GPS alone {gps_alone}");
     }
 }
 
