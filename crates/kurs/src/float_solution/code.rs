@@ -198,7 +198,8 @@ impl CodeFloat {
 
     /// What the residuals of each group's code show of their squares, with the index of the group's first link:
     /// `n − tr(Q_x̂ N_g)`, `N_g` the group's part of `N`.
-    pub(super) fn redundancies(&self) -> Vec<(usize, f64)> {
+    #[must_use]
+    pub fn redundancies(&self) -> Vec<(usize, f64)> {
         let unknowns = self.correction_m.len();
         let of_group = |(loops, matrix): (&Loops, &DMatrix<f64>)| {
             // Of N_g the lower triangle is there.
