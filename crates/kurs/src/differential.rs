@@ -22,7 +22,9 @@ use crate::ephemeris::NavigationData;
 use crate::frames::{Ecef, Geodetic, Vector, enu_from_ned};
 use crate::observation::{AntennaEpoch, ArrayEpoch};
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::solution::{BaselineEstimate, EpochSolution, PointEstimate, PositionOrigin};
+use crate::solution::{
+    BaselineEstimate, EpochSolution, PointEstimate, PositionEstimate, PositionOrigin,
+};
 
 /// An epoch that is older than this, s, is carried: receivers that sample closer together are used as they are.
 const MIN_CARRIED_S: f64 = 0.010;
@@ -201,25 +203,25 @@ impl StationChains {
         };
         let best = first.or_else(|| row.by_code.first().copied());
         self.used.epochs += 1;
-        let (own, own_points) = (row.position, row.points.clone());
-        let (Some(position), Some(best)) = (&mut row.position, best) else { return };
-        position.antenna = Some(best.index);
-        position.geodetic = best.geodetic;
-        position.position_m = best.geodetic.to_ecef();
-        position.covariance_m2 = best.covariance_m2;
-        position.origin = origin;
+        let (Some(own), Some(best)) = (row.position, best) else { return };
+        let own_points = core::mem::take(&mut row.points);
+        row.position = Some(PositionEstimate {
+            antenna: Some(best.index),
+            geodetic: best.geodetic,
+            position_m: best.geodetic.to_ecef(),
+            covariance_m2: best.covariance_m2,
+            origin,
+            ..own
+        });
         place_body(row, engine.settings());
-        let places_m = [own, row.position].map(|place| place.map(|place| place.position_m));
-        match places_m {
-            [Some(own_m), Some(relative_m)]
-                if (relative_m - own_m).norm() > MAX_STATION_OFFSET_M =>
-            {
-                self.used.apart += 1;
-                self.used.offset_m = (relative_m - own_m).norm();
-                (row.position, row.points) = (own, own_points);
-                row.by_code.clear();
-            }
-            _ => self.used.used += 1,
+        let offset_m = row.position.map_or(0.0, |found| (found.position_m - own.position_m).norm());
+        if offset_m > MAX_STATION_OFFSET_M {
+            self.used.apart += 1;
+            self.used.offset_m = offset_m;
+            (row.position, row.points) = (Some(own), own_points);
+            row.by_code.clear();
+        } else {
+            self.used.used += 1;
         }
     }
 

@@ -18,12 +18,18 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-#[test]
-fn coordinates_of_a_car_near_a_station() {
+/// The car, and the place of a station 900 m from it.
+fn car_near_a_station(interval_s: f64, duration_s: f64) -> (Scenario, Place) {
     let mut scenario: Scenario = ready("car");
-    (scenario.interval_s, scenario.duration_s) = (1.0, 120.0);
+    (scenario.interval_s, scenario.duration_s) = (interval_s, duration_s);
     let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
     scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+    (scenario, place)
+}
+
+#[test]
+fn coordinates_of_a_car_near_a_station() {
+    let (scenario, place) = car_near_a_station(1.0, 120.0);
     let known = settings(&scenario, Constraint::Array);
     let array = known.array.clone().unwrap();
     let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
@@ -101,10 +107,7 @@ fn coordinates_of_a_car_near_a_station() {
 #[test]
 fn an_older_epoch_of_the_station_is_carried_to_the_row() {
     for (lag, is_young) in [(3, true), (12, false)] {
-        let mut scenario: Scenario = ready("car");
-        (scenario.interval_s, scenario.duration_s) = (0.5, 40.0);
-        let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
-        scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+        let (scenario, place) = car_near_a_station(0.5, 40.0);
         let known = settings(&scenario, Constraint::Array);
         let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
         let engine = Engine::new(known, simulation.navigation().clone()).unwrap();
@@ -215,10 +218,7 @@ fn the_origin_far_below_the_antennas() {
 /// A station that stands a kilometre from where it is said to: rows keep the antennas' own coordinates.
 #[test]
 fn a_station_in_the_wrong_place_moves_nobody() {
-    let mut scenario: Scenario = ready("car");
-    (scenario.interval_s, scenario.duration_s) = (1.0, 20.0);
-    let place = Place { latitude_deg: 55.758, longitude_deg: 37.62, height_m: 215.0 };
-    scenario.station = Some(Station { name: "BASE".into(), place, signals: None });
+    let (scenario, place) = car_near_a_station(1.0, 20.0);
     let known = settings(&scenario, Constraint::Array);
     let mut simulation = Simulation::new(scenario, &Attachments::default()).unwrap();
     let engine = Engine::new(known, simulation.navigation().clone()).unwrap();

@@ -99,10 +99,7 @@ impl ArrayConstrained {
         count: usize,
     ) -> Result<Vec<ArrayCandidate>, AmbiguityError> {
         self.work = 0;
-        let expect = |what, found, expected| match found == expected {
-            true => Ok(()),
-            false => Err(AmbiguityError::Dimension { what, found, expected }),
-        };
+        let expect = AmbiguityError::expect_dimension;
         let (n, baselines) = (float.ambiguities.len(), body_m.len());
         expect("the list of ambiguities per baseline", ambiguities_of.len(), baselines)?;
         expect("the sum of ambiguities per baseline", ambiguities_of.iter().sum(), n)?;

@@ -69,18 +69,8 @@ impl Ldl {
         if n == 0 {
             return Err(AmbiguityError::Empty);
         }
-        if covariance.ncols() != n {
-            let found = covariance.ncols();
-            return Err(AmbiguityError::Dimension { what: "the covariance", found, expected: n });
-        }
-        let found = blocks.iter().sum();
-        if found != n {
-            return Err(AmbiguityError::Dimension {
-                what: "the sum of the blocks",
-                found,
-                expected: n,
-            });
-        }
+        AmbiguityError::expect_dimension("the covariance", covariance.ncols(), n)?;
+        AmbiguityError::expect_dimension("the sum of the blocks", blocks.iter().sum(), n)?;
         self.block_starts.clear();
         for &size in blocks {
             let start = self.block_starts.len();

@@ -81,6 +81,17 @@ pub enum AmbiguityError {
     },
 }
 
+impl AmbiguityError {
+    /// Refuses an argument whose dimension does not fit.
+    const fn expect_dimension(
+        what: &'static str,
+        found: usize,
+        expected: usize,
+    ) -> Result<(), Self> {
+        if found == expected { Ok(()) } else { Err(Self::Dimension { what, found, expected }) }
+    }
+}
+
 /// A float solution split into what is integer and what is real: ambiguities `â` and other
 /// parameters `x̂` (baselines, m), with the joint covariance
 ///
@@ -146,13 +157,7 @@ impl MixedFloat {
     /// Number of ambiguities `n`, after a check that all dimensions agree for `reals` values.
     fn checked_dimension(&self, reals: usize) -> Result<usize, AmbiguityError> {
         let n = self.ambiguities.len();
-        let expect = |what, found, expected| {
-            if found == expected {
-                Ok(())
-            } else {
-                Err(AmbiguityError::Dimension { what, found, expected })
-            }
-        };
+        let expect = AmbiguityError::expect_dimension;
         expect("the vector of reals", self.reals_m.len(), reals)?;
         expect("the cross covariance (rows)", self.cross_covariance.nrows(), reals)?;
         expect("the cross covariance (columns)", self.cross_covariance.ncols(), n)?;

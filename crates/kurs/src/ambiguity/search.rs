@@ -213,14 +213,7 @@ pub(super) fn whole_and_fraction(
     float: &[f64],
     dimension: usize,
 ) -> Result<(Vec<i64>, Vec<f64>), AmbiguityError> {
-    if float.len() != dimension {
-        let found = float.len();
-        return Err(AmbiguityError::Dimension {
-            what: "the float vector",
-            found,
-            expected: dimension,
-        });
-    }
+    AmbiguityError::expect_dimension("the float vector", float.len(), dimension)?;
     if let Some(&value) = float.iter().find(|value| value.is_nan() || value.abs() >= MAX_CYCLES) {
         return Err(AmbiguityError::OutOfRange { what: "a float ambiguity", value });
     }
