@@ -709,16 +709,19 @@ fn joined_files_are_read_with_their_own_headers() {
     assert_eq!(damage, 1);
 
     let older = header_2('G', "    C1    L1") + &epoch_2(4, 0, &["G05"]) + &field(2e7, "") + "\n";
-    let mut reader = open(&(first + &older));
-    let mut epoch = AntennaEpoch::default();
-    let error = loop {
-        match reader.next_epoch(&mut epoch) {
-            Ok(true) => {}
-            Ok(false) => panic!("no error"),
-            Err(error) => break error.to_string(),
-        }
-    };
-    assert!(error.contains("line 8") && error.contains("joined"), "{error}");
+    let damaged = second.replacen("3.04", "9.04", 1);
+    for (behind, told) in [(older, "joined"), (damaged, "RINEX version \"9.04\"")] {
+        let mut reader = open(&(first.clone() + &behind));
+        let mut epoch = AntennaEpoch::default();
+        let error = loop {
+            match reader.next_epoch(&mut epoch) {
+                Ok(true) => {}
+                Ok(false) => panic!("no error"),
+                Err(error) => break error.to_string(),
+            }
+        };
+        assert!(error.contains("line 8") && error.contains(told), "{error}");
+    }
 }
 
 /// Codes that the format does not have are named, and nothing else takes their place.

@@ -31,6 +31,10 @@ const MAX_FIXED_SD_M: f64 = 0.3;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
 const MIN_SUCCESS: f64 = 0.5;
 
+/// Satellites that contradict each other by this many times the noise of code, at every antenna, and of which no few are at fault, are
+/// not those they say: on none of the wrong paths of a street does the code come to all antennas so late.
+const CONTRADICTORY_RMS: f64 = 10.0;
+
 /// Degrees of freedom behind the noise level by which an epoch is judged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scale {
@@ -159,6 +163,12 @@ impl Checks {
                 self.demand(Reason::Tilt, tilt_rad, tilt_rad <= settings.max_tilt_rad);
             }
         }
+    }
+
+    /// Whether the positions of the antennas leave the satellites their credit, where nothing else proves integers that fit.
+    pub(super) fn of_positions(&mut self, contradiction: f64, settings: &Settings) {
+        let holds = settings.constraint != Constraint::None || contradiction < CONTRADICTORY_RMS;
+        self.demand(Reason::Residuals, contradiction, holds);
     }
 
     /// The recent epochs together: how well their best integers fit, and the mean shape of the array. If one of

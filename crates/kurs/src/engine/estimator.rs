@@ -356,6 +356,7 @@ impl Estimator {
         let (shape, level) =
             (self.array_misfit.judge(scale, self.levels.slow_share()), self.array_misfit.level());
         let mut checks = Checks::of_session(fit, shape, level, &self.settings);
+        checks.of_positions(epoch.frame.contradiction, &self.settings);
         checks.0.extend_from_slice(&fix.checks.0);
         if fix.is_sure() {
             let lengths = self.lengths(&fixed.baselines);

@@ -46,6 +46,9 @@ pub(super) struct CommonFrame {
     pub(super) approximate_m: Vec<Vector<Ecef>>,
     /// Local level axes at the reference antenna.
     pub(super) horizon: Horizon,
+    /// By how much the satellites contradict each other at least at each antenna: root mean square of the code's residuals over
+    /// what is expected of them.
+    pub(super) contradiction: f64,
 }
 
 impl CommonFrame {
@@ -90,7 +93,7 @@ pub(super) fn locate(
         };
         if let Ok(point) = &point {
             let is_wrong = |t: &Tracked| {
-                point.exclusions.iter().any(|e| e.satellite == t.satellite && e.is_gross())
+                point.exclusions.iter().any(|e| e.satellite == t.satellite && e.is_useless())
             };
             tracked.retain(|satellite| !is_wrong(satellite));
             near_m = Some(point.position_m);
@@ -194,6 +197,7 @@ fn common_frame(located: &[Located], pinned_m: Option<Vector<Ecef>>) -> Option<C
         reference: reference.antenna,
         antennas: located.iter().map(|l| l.antenna).collect(),
         horizon: Horizon::at(reference_m),
+        contradiction: located.iter().map(Located::contradiction).fold(f64::INFINITY, f64::min),
         positions_m,
         approximate_m,
     })
@@ -206,6 +210,11 @@ impl Located {
         let later_s = time - self.tag;
         let velocity = self.velocity.filter(|_| later_s.abs() < MAX_EXTRAPOLATION_S);
         Some(velocity.map_or(position_m, |v| position_m + v.velocity_mps * later_s))
+    }
+
+    /// Root mean square of the code's residuals over what is expected of them.
+    fn contradiction(&self) -> f64 {
+        self.point.as_ref().map_or(0.0, |point| point.unit_weight_rms)
     }
 
     /// True instant of the antenna's epoch: its tag less its clock bias.

@@ -20,8 +20,8 @@ const EARTH_RADIUS_M: f64 = 6_378_136.0;
 const J2: f64 = 1.082_625_75e-3;
 /// Earth rotation rate of PZ-90.11, rad/s.
 const EARTH_RATE: f64 = 7.292_115e-5;
-/// Longest step of the integration: its error grows to 0.08 mm in half an hour (60 s: 1.3 mm).
-const STEP_S: f64 = 30.0;
+/// Step of the integration: its error grows to 1.3 mm in half an hour, beside orbits that are broadcast to some metres.
+const STEP_S: f64 = 60.0;
 /// How far the integration goes; beyond it the constant lunisolar acceleration means nothing.
 const MAX_SPAN_S: f64 = 7200.0;
 
@@ -108,20 +108,19 @@ impl GlonassEphemeris {
         (state.position_m.is_finite() && state.velocity_mps.is_finite()).then_some(state)
     }
 
-    /// Runge-Kutta steps of equal length, at most [`STEP_S`] each.
+    /// Runge-Kutta steps of [`STEP_S`], and what is left, so that the orbit goes on without a jump.
     fn integrate(&self, span_s: f64) -> Vector6<f64> {
         let (position, velocity) =
             (self.elements.position_m.xyz(), self.elements.velocity_mps.xyz());
         let mut orbit =
             Vector6::new(position.x, position.y, position.z, velocity.x, velocity.y, velocity.z);
-        let steps = (span_s.abs() / STEP_S).ceil().max(1.0);
-        let step_s = span_s / steps;
-        let mut done = 0.0;
-        while done < steps {
+        let mut left_s = span_s;
+        while left_s.abs() > STEP_S {
+            let step_s = STEP_S.copysign(left_s);
             orbit = self.runge_kutta_step(&orbit, step_s);
-            done += 1.0;
+            left_s -= step_s;
         }
-        orbit
+        self.runge_kutta_step(&orbit, left_s)
     }
 
     fn runge_kutta_step(&self, orbit: &Vector6<f64>, step_s: f64) -> Vector6<f64> {
@@ -179,7 +178,7 @@ mod tests {
     use super::*;
 
     /// Positions that RTKLIB 2.4.3 (`geph2pos`, pyrtklib 0.2.7) computes from the same record; it
-    /// takes steps of 60 s and GM = 3.9860044e14, which makes 0.9 mm in 850 s.
+    /// takes GM = 3.9860044e14, which makes 0.9 mm in 850 s.
     #[test]
     fn as_rtklib_computes_it() {
         let ephemeris = GlonassEphemeris::new(glonass()).unwrap();
@@ -222,7 +221,7 @@ mod tests {
         let start = ephemeris.integrate(0.0);
         let fine = (0..1800).fold(start, |orbit, _| ephemeris.runge_kutta_step(&orbit, 1.0));
         let apart = (fine - ephemeris.integrate(1800.0)).fixed_rows::<3>(0).norm();
-        assert!(apart < 1e-4, "{apart} m");
+        assert!(apart < 2e-3, "{apart} m");
     }
 
     #[test]

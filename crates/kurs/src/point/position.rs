@@ -22,6 +22,8 @@ const SYSTEMS: usize = System::ALL.len();
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
+/// A fraction of the noise of any code.
+const SETTLED_M: f64 = 0.1;
 /// Steps with weights that fall with the residuals: each takes away a good part of what a fault has left.
 const ROBUST_ITERATIONS: usize = 60;
 /// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
@@ -34,6 +36,8 @@ const ROUGH_M: f64 = 1e3;
 const ROUGH_SD_M: f64 = 100.0;
 /// No path and no atmosphere makes a residual of this size, but a wrong bit of a range or an orbit.
 const GROSS_M: f64 = SUSPECT * ROUGH_SD_M;
+/// Code as far off as this is of no path that light takes straight, or of an orbit or a signal that is not the satellite's.
+const USELESS_M: f64 = 50.0;
 /// From this multiple of the expected size of the residuals on, the place where the iteration began may be to blame.
 const GROSS_RMS: f64 = 30.0;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
@@ -53,6 +57,10 @@ const NOISE_PRIOR: f64 = 8.0;
 const MIN_CHECKED: f64 = 1e-6;
 /// Of the satellites, and of the pairs, this many that explain the misfit best are left out on trial.
 const TRIALS: usize = 3;
+/// A satellite agrees with the others by chance so often, if faults are twenty times as large as what is allowed to noise.
+const CHANCE: f64 = 0.05;
+/// Of all ways to put as many satellites aside less than this many may leave others that agree by chance.
+const MAX_BY_CHANCE: f64 = 0.01;
 
 /// What the position depends on besides the observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,10 +81,11 @@ pub struct Exclusion {
 }
 
 impl Exclusion {
-    /// Whether nothing of the satellite is of use, not its phase either: its orbit is wrong, or the time at which it was looked up.
+    /// Whether nothing of the satellite is of use, not its phase either: what is tracked is a reflection or an imitation, or
+    /// its orbit is wrong, or the time at which it was looked up.
     #[must_use]
-    pub fn is_gross(&self) -> bool {
-        self.residual_m.abs() > GROSS_M
+    pub fn is_useless(&self) -> bool {
+        self.residual_m.abs() > USELESS_M
     }
 }
 
@@ -179,8 +188,18 @@ pub fn solve_near(
 fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     fit.converge()?;
     // Where nothing explains the misfit, the honest larger residuals stay.
-    let explained = if fit.is_consistent() { None } else { without_faults(&fit) };
-    explained.unwrap_or(fit).solution()
+    if fit.is_consistent() {
+        return fit.solution();
+    }
+    if let Some(explained) = without_faults(&fit) {
+        return explained.solution();
+    }
+    let middle_m = middle(&fit).map_or(fit.position_m, |middle| middle.position_m);
+    // Nor does their mean know where the antenna is, if that of the most is elsewhere.
+    let apart_m = middle_m - fit.position_m;
+    let mut solution = fit.solution()?;
+    solution.covariance_m2 += apart_m * apart_m.transpose();
+    Ok(solution)
 }
 
 /// The rough fit without the satellites that are wrong by kilometres (a bit of a range or of an ephemeris), if the others agree. Such
@@ -196,19 +215,9 @@ fn without_gross_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> 
     })
 }
 
-/// The least sum of the residuals' sizes, by least squares whose weights fall with the residuals of the step before; then the fit
-/// of those that agree.
-fn robust(mut fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
-    for _ in 0..ROBUST_ITERATIONS {
-        let before: Vec<f64> = fit.rows.iter().map(|(row, _)| row.misclosure_m).collect();
-        fit.form_rows();
-        for ((row, _), residual_m) in fit.rows.iter_mut().zip(before) {
-            row.weight *= ROUGH_SD_M / residual_m.abs().max(ROUGH_SD_M);
-        }
-        if fit.step().ok()? < CONVERGED_M {
-            break;
-        }
-    }
+/// The fit of those that agree where the sum of the residuals' sizes is least.
+fn robust(fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
+    let fit = middle(&fit)?;
     let wrong = fit.rows.iter().filter(|(row, _)| row.misclosure_m.abs() > GROSS_M);
     let wrong = wrong.map(|(_, satellite)| *satellite);
     let excluded = fit.excluded.iter().copied().chain(wrong).collect();
@@ -216,19 +225,57 @@ fn robust(mut fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
     without.converge().ok()?;
     let is_proven = without.redundancy() > 0 && without.is_consistent();
     // Steps that had not come to their end have put good ones aside too.
-    let wrong = without.exclusions().into_iter().filter(Exclusion::is_gross);
+    let wrong = without.exclusions().into_iter().filter(|e| e.residual_m.abs() > GROSS_M);
     without.excluded = wrong.map(|exclusion| exclusion.satellite).collect();
     is_proven.then_some(without)
 }
 
+/// The fit with the least sum of the residuals' sizes, over their standard deviations, by least squares whose weights fall with the
+/// residuals of the step before.
+fn middle<'a>(fit: &PositionFit<'a>) -> Option<PositionFit<'a>> {
+    let mut fit = fit.clone();
+    for _ in 0..ROBUST_ITERATIONS {
+        let before: Vec<f64> = fit.rows.iter().map(|(row, _)| row.misclosure_m).collect();
+        fit.form_rows();
+        for ((row, _), residual_m) in fit.rows.iter_mut().zip(before) {
+            row.weight /= (residual_m.abs() * row.weight.sqrt()).max(1.0);
+        }
+        let settled_m = if fit.near { SETTLED_M } else { CONVERGED_M };
+        if fit.step().ok()? < settled_m {
+            break;
+        }
+    }
+    Some(fit)
+}
+
 /// The best fit without one satellite, or else without two, if it is consistent. One fault can move
 /// the position so that the residual of another satellite is the largest, and two can hide each
-/// other: so every pair is judged by what the two together explain.
+/// other: so every pair is judged by what the two together explain. Of more, those are put aside that most of the
+/// others contradict.
 fn without_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     let indices = 0..whole.rows.len();
     let one = indices.clone().map(|i| [i, i]);
     let pairs = indices.flat_map(|i| (0..i).map(move |j| [i, j]));
-    best(whole, one).or_else(|| best(whole, pairs))
+    best(whole, one).or_else(|| best(whole, pairs)).or_else(|| majority(whole))
+}
+
+/// The fit of those that agree where the sum of the residuals' sizes is least, if they are the most and prove themselves.
+fn majority<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
+    let mut fit = middle(whole)?;
+    // Steps that had not come to their end put good ones aside too: by the others these show.
+    for _ in 0..2 {
+        fit.excluded.clone_from(&whole.excluded);
+        fit.form_rows();
+        let contradicts =
+            |(row, _): &&(Row, Satellite)| row.misclosure_m.abs() * row.weight.sqrt() > SUSPECT;
+        let wrong = fit.rows.iter().filter(contradicts).map(|(_, satellite)| *satellite);
+        fit.excluded.extend(wrong);
+        fit.converge().ok()?;
+    }
+    let (all, kept) = (whole.rows.len(), fit.rows.len());
+    let ways: f64 = (1..=all - kept).map(|k| (kept + k) as f64 / k as f64).product();
+    let by_chance = ways * CHANCE.powi(i32::try_from(fit.redundancy()).ok()?);
+    (2 * kept > all && by_chance < MAX_BY_CHANCE && fit.is_consistent()).then_some(fit)
 }
 
 /// The consistent fit with the smallest residuals, of those without the rows that explain most.

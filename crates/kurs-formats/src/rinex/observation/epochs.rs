@@ -168,7 +168,10 @@ impl EpochReader {
                     return Err(self.lines.source().bad_line(what));
                 }
                 b"RINEX VERSION / TYPE" => {
-                    let header = first_record(self.lines.source(), line)?;
+                    let header = first_record(line).map_err(|found| {
+                        let what = format!("a second header of {found}, which is none that is read");
+                        self.lines.source().bad_line(what)
+                    })?;
                     if (header.version.major < 3) != (self.header.version.major < 3) {
                         let what = format!(
                             "a second header of RINEX {} begins in a file of RINEX {}: these files \

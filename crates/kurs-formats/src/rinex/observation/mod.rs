@@ -181,7 +181,8 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
                 compact_version = Some(version);
             }
             b"RINEX VERSION / TYPE" => {
-                let header = first_record(&source, source.line())?;
+                let header = first_record(source.line())
+                    .map_err(|found| source.wrong_content(found, EXPECTED))?;
                 let lines = match compact_version {
                     None => Lines::Plain(source),
                     Some(version) => {
@@ -196,12 +197,11 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
     Err(source.wrong_content("no RINEX header", EXPECTED))
 }
 
-/// Version and system of the file.
-fn first_record(source: &Source, line: &[u8]) -> Result<ObservationHeader, ReadError> {
+/// Version and system of the file; what was found if it is none that is read.
+fn first_record(line: &[u8]) -> Result<ObservationHeader, String> {
     let version = Version::parse(columns(line, 0..9));
     let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {
-        let found = format!("RINEX version {:?}", text(line, 0..20));
-        return Err(source.wrong_content(found, EXPECTED));
+        return Err(format!("RINEX version {:?}", text(line, 0..20)));
     };
     let system = match columns(line, 40..41) {
         [b' '] | [] => Some(System::Gps),
