@@ -102,7 +102,9 @@ def test_places_of_one_antenna(recordings):
     found = kurs.point.solve(folder / "base.obs", kurs.read_nav(folder / "base.nav"))
     places = np.column_stack([found[name] for name in ("x_m", "y_m", "z_m")])
     spread = np.nanstd(places, axis=0)
-    assert found.rows > 100 and (spread < 3).all()
+    assert found.rows > 100 and (spread < 3).all() and found.damage == []
+    both = kurs.point.solve([folder / "base.obs", folder / "rover.obs"], kurs.read_nav(folder / "base.nav"))
+    assert both.rows == found.rows and "skipped" in both.damage[0]["what"], both.damage
     for mask in (np.nan, -1e9, 90):
         with pytest.raises(ValueError, match="elevation_mask_deg is .*, expected -5 to 89"):
             kurs.point.solve(folder / "base.obs", kurs.read_nav(folder / "base.nav"), elevation_mask_deg=mask)

@@ -188,6 +188,11 @@ impl Wanted {
 /// A damaged place: file, line (of a receiver log the offset of the byte), what was wrong.
 type PlainDamage = (String, u64, String);
 
+fn plain(damage: Vec<FileDamage>) -> Vec<PlainDamage> {
+    let one = |one: FileDamage| (one.file, one.damage.line, one.damage.what.into_owned());
+    damage.into_iter().map(one).collect()
+}
+
 /// Observations of one antenna's files as columns of a long table, and what was skipped.
 #[pyfunction]
 pub(crate) fn read_obs<'py>(
@@ -210,8 +215,7 @@ pub(crate) fn read_obs<'py>(
                 table.add(&epoch, &wanted);
             }
         }
-        let plain = |one: FileDamage| (one.file, one.damage.line, one.damage.what.into_owned());
-        Ok((table, reader.damage().into_iter().map(plain).collect()))
+        Ok((table, plain(reader.damage())))
     });
     let (table, damage) =
         table.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
@@ -289,14 +293,14 @@ impl Navigation {
     }
 }
 
-/// Positions of one antenna, epoch by epoch, from its code observations alone, as columns.
+/// Positions of one antenna, epoch by epoch, from its code observations alone, as columns, and what was skipped.
 #[pyfunction]
 pub(crate) fn point_solve<'py>(
     py: Python<'py>,
     paths: Vec<PathBuf>,
     navigation: &Bound<'py, Navigation>,
     elevation_mask_deg: f64,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<(Bound<'py, PyDict>, Vec<PlainDamage>)> {
     if !(-5.0..=89.0).contains(&elevation_mask_deg) {
         let text = format!("elevation_mask_deg is {elevation_mask_deg}, expected -5 to 89");
         return Err(PyValueError::new_err(text));
@@ -313,9 +317,9 @@ pub(crate) fn point_solve<'py>(
             point::track(&epoch, navigation, |_| true, &mut tracked);
             rows.push((epoch.time, point::solve(&tracked, navigation, epoch.time, &settings).ok()));
         }
-        Ok(rows)
+        Ok((rows, plain(reader.damage())))
     });
-    let rows = solved.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
+    let (rows, damage) = solved.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
     let columns = PyDict::new(py);
     columns.set_item("time_gpst", instants(py, rows.iter().map(|r| since_1970(r.0)).collect())?)?;
     type Value = fn(&point::PointSolution) -> f64;
@@ -333,5 +337,5 @@ pub(crate) fn point_solve<'py>(
         let column = rows.iter().map(|(_, p)| p.as_ref().map_or(f64::NAN, value)).collect();
         columns.set_item(name, array(py, column))?;
     }
-    Ok(columns)
+    Ok((columns, damage))
 }

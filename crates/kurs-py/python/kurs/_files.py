@@ -31,12 +31,8 @@ def _nanoseconds(instant: Any) -> int:
     return int(np.datetime64(instant, "ns").astype(np.int64))
 
 
-class Observations(Table):
-    """A row for every epoch, satellite and signal.
-
-    time_gpst, satellite ("G05"), signal ("G1C"), pseudorange_m, phase_cycles (grows with the distance), doppler_hz (positive
-    when approaching), cn0_dbhz, lock (RINEX digit).
-    """
+class OfFiles(Table):
+    """A table from files, with what was skipped in these."""
 
     def __init__(
         self, columns: Mapping[str, NDArray[Any] | Words], damage: Sequence[tuple[str, int, str]] = ()
@@ -46,6 +42,14 @@ class Observations(Table):
         self.damage: list[dict[str, Any]] = [
             {"file": file, "line": line, "what": what} for file, line, what in damage
         ]
+
+
+class Observations(OfFiles):
+    """A row for every epoch, satellite and signal.
+
+    time_gpst, satellite ("G05"), signal ("G1C"), pseudorange_m, phase_cycles (grows with the distance), doppler_hz (positive
+    when approaching), cn0_dbhz, lock (RINEX digit).
+    """
 
     def to_xarray(self) -> Any:
         """The same as xarray.Dataset: variables (time, sv) by RINEX code ("C1C", "L1C", …), as georinex has them; NaN where there is none."""
