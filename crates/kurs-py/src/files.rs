@@ -319,7 +319,8 @@ pub(crate) fn point_solve<'py>(
         }
         Ok((rows, plain(reader.damage())))
     });
-    let (rows, damage) = solved.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
+    let (rows, damage) =
+        solved.map_err(|error: kurs_formats::source::ReadError| unusable(error))?;
     let columns = PyDict::new(py);
     columns.set_item("time_gpst", instants(py, rows.iter().map(|r| since_1970(r.0)).collect())?)?;
     type Value = fn(&point::PointSolution) -> f64;

@@ -167,8 +167,9 @@ impl Checks {
 
     /// Whether the positions of the antennas leave the satellites their credit, where nothing else proves integers that fit.
     pub(super) fn of_positions(&mut self, contradiction: f64, settings: &Settings) {
-        let holds = settings.constraint != Constraint::None || contradiction < CONTRADICTORY_RMS;
-        self.demand(Reason::Residuals, contradiction, holds);
+        if settings.constraint == Constraint::None {
+            self.demand(Reason::Residuals, contradiction, contradiction < CONTRADICTORY_RMS);
+        }
     }
 
     /// The recent epochs together: how well their best integers fit, and the mean shape of the array. If one of

@@ -50,6 +50,12 @@ const MIN_SCALE: f64 = 0.2;
 const SLOW_PRIOR: f64 = 100.0;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
 const MAX_SQUARE: f64 = 2.7 * 2.7;
+/// What most of the code's residuals say, those of the level of the phases: a residual teaches no more than one of 1.5 standard deviations,
+/// so that the level bears reflections of a third of the satellites, `MOST_MEAN/1.5²`.
+const MOST_SQUARE: f64 = 1.5 * 1.5;
+/// What this leaves of the squares of normal noise, `E min(z², k²) = 2Φ(k) − 1 − 2k φ(k) + 2k²(1 − Φ(k))` (Huber's proposal 2: Huber
+/// and Ronchetti, *Robust Statistics*, section 6.4).
+const MOST_MEAN: f64 = 0.778;
 /// Share of common errors that baselines leave at least, so that nothing is divided by zero.
 const MIN_LEFT: f64 = 0.2;
 /// While the code's level is known with less than this, an epoch's own residuals enter its weights.
@@ -81,6 +87,8 @@ impl Squares {
 #[derive(Debug, Clone, Default)]
 struct Kind {
     all: Squares,
+    /// Without the weight of the outliers.
+    most: Squares,
     bands: BTreeMap<Band, Squares>,
     common: CommonShare,
     slowness: Slowness,
@@ -220,9 +228,10 @@ impl NoiseLevels {
         self.code.all.factor(1.0, CODE_PRIOR)
     }
 
-    /// Without a better knowledge phases are as much noisier than expected as the code is.
+    /// Without a better knowledge phases are as much noisier than expected as the code is, but for the outliers.
     fn phase_factor(&self) -> f64 {
-        self.phase.all.factor(self.code_factor().max(1.0), PHASE_PRIOR)
+        let code = self.code_factor().min(self.code.most.factor(1.0, CODE_PRIOR));
+        self.phase.all.factor(code.max(1.0), PHASE_PRIOR)
     }
 
     /// Degrees of freedom with which the code's level is known.
@@ -309,21 +318,26 @@ impl Residuals<'_> {
         let expected = |link: &Link| expected_square(link.bands, kappa);
         // ê²/σ² = z² f/n
         let shown = self.degrees_of_freedom as f64 / self.residuals.len().max(1) as f64;
-        let mut epoch = Squares::default();
+        let most_level = kind.most.factor(1.0, CODE_PRIOR);
+        let (mut epoch, mut most) = (Squares::default(), Squares::default());
         let band_of = |residual: &(usize, f64)| self.links[residual.0].signal.band;
         for of_band in self.residuals.chunk_by(|a, b| band_of(a) == band_of(b)) {
             let band = band_of(&of_band[0]);
             let applied = kind.factor(band, overall);
             let mut own = Squares { degrees_of_freedom: weight * self.redundancy(band), sum: 0.0 };
             for (link, z) in of_band {
-                let square = z.powi(2).min(MAX_SQUARE);
-                own.sum += weight * applied * shown * square / expected(&self.links[*link]);
+                let of_one = applied * shown / expected(&self.links[*link]);
+                own.sum += weight * of_one * z.powi(2).min(MAX_SQUARE);
+                let bounded = (of_one * z.powi(2)).min(MOST_SQUARE * most_level);
+                most.sum += weight * bounded / MOST_MEAN;
             }
+            most.degrees_of_freedom += own.degrees_of_freedom;
             epoch.sum += own.sum;
             epoch.degrees_of_freedom += own.degrees_of_freedom;
             kind.bands.entry(band).or_default().learn(own);
         }
         kind.all.learn(epoch);
+        kind.most.learn(most);
         kind.common.learn(self.common(weight));
     }
 

@@ -169,7 +169,8 @@ impl EpochReader {
                 }
                 b"RINEX VERSION / TYPE" => {
                     let header = first_record(line).map_err(|found| {
-                        let what = format!("a second header of {found}, which is none that is read");
+                        let what =
+                            format!("a second header of {found}, which is none that is read");
                         self.lines.source().bad_line(what)
                     })?;
                     if (header.version.major < 3) != (self.header.version.major < 3) {
