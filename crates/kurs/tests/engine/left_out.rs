@@ -272,3 +272,29 @@ fn a_station_with_three_satellites_is_no_antenna() {
         }
     }
 }
+
+/// Reflections put six to forty metres on the code of every fourth satellite for as long as the session lasts: its outliers do not tell how
+/// noisy the phases are.
+#[test]
+fn reflected_code_of_a_quarter_of_the_satellites_costs_no_fix() {
+    let mut world = World::new().unwrap();
+    let body = Motion::at_rest(degrees(70.0, 2.0, -3.0), &TRIANGLE_M);
+    world.signals = ["G1C", "G2L", "E1C", "E5Q"].map(|signal| signal.parse().unwrap()).to_vec();
+    let mut engine = engine(told(&body), &world);
+    let mut fixed = 0;
+    for second in 0..150 {
+        let mut epoch = world.epoch(&body, f64::from(second));
+        for (antenna, observed) in epoch.antennas.iter_mut().enumerate() {
+            for observation in &mut observed.as_mut().unwrap().observations {
+                let number = usize::from(observation.satellite.number) + antenna;
+                let late_m = 6.0 + 34.0 * ((7 * number) % 10) as f64 / 9.0;
+                if let (0, Some(code_m)) = (number % 4, &mut observation.pseudorange_m) {
+                    *code_m += late_m;
+                }
+            }
+        }
+        let row = engine.push(&epoch);
+        fixed += usize::from(second >= 50 && row.is_fixed());
+    }
+    assert!(fixed >= 98, "{fixed} of 100");
+}
