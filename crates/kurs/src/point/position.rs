@@ -187,15 +187,15 @@ pub fn solve_near(
 
 fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     fit.converge()?;
-    // Where nothing explains the misfit, the honest larger residuals stay.
     if fit.is_consistent() {
         return fit.solution();
     }
     if let Some(explained) = without_faults(&fit) {
         return explained.solution();
     }
+    // Where nothing explains the misfit, the honest larger residuals stay. Nor is the antenna where their squares are least if
+    // most of them say another place.
     let middle_m = middle(&fit).map_or(fit.position_m, |middle| middle.position_m);
-    // Nor does their mean know where the antenna is, if that of the most is elsewhere.
     let apart_m = middle_m - fit.position_m;
     let mut solution = fit.solution()?;
     solution.covariance_m2 += apart_m * apart_m.transpose();
@@ -215,7 +215,7 @@ fn without_gross_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> 
     })
 }
 
-/// The fit of those that agree where the sum of the residuals' sizes is least.
+/// The rough fit of those that agree where the sum of the residuals' sizes is least.
 fn robust(fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
     let fit = middle(&fit)?;
     let wrong = fit.rows.iter().filter(|(row, _)| row.misclosure_m.abs() > GROSS_M);
@@ -272,10 +272,11 @@ fn majority<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
         fit.excluded.extend(wrong);
         fit.converge().ok()?;
     }
-    let (all, kept) = (whole.rows.len(), fit.rows.len());
-    let ways: f64 = (1..=all - kept).map(|k| (kept + k) as f64 / k as f64).product();
+    let (kept, aside) = (fit.rows.len(), fit.excluded.len() - whole.excluded.len());
+    // C(n, k) pʳ
+    let ways: f64 = (1..=aside).map(|k| (kept + k) as f64 / k as f64).product();
     let by_chance = ways * CHANCE.powi(i32::try_from(fit.redundancy()).ok()?);
-    (2 * kept > all && by_chance < MAX_BY_CHANCE && fit.is_consistent()).then_some(fit)
+    (kept > aside && by_chance < MAX_BY_CHANCE && fit.is_consistent()).then_some(fit)
 }
 
 /// The consistent fit with the smallest residuals, of those without the rows that explain most.
