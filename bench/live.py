@@ -393,10 +393,12 @@ def rtkrcv(args, folder, faults):
     print("| program | fixed | not fixed beyond the cuts | fixed again after the first cut, the second | processor | memory, half and end |")
     print("|---|---|---|---|---|---|")
     for name, process, used_s, fixes in found:
-        backs = [back_s(fixes, bench.began + begin + length) for begin, length in cuts]
+        if not fixes:
+            sys.exit(f"{name} fixed nothing: its streams did not come up, no comparison")
+        backs = [fixed_after(fixes, bench.began + begin + length) for begin, length in cuts]
         memory = process.halves(1)
         print(
-            f"| {name} | {len(fixes)} | {epochs - cut_epochs - len(fixes):.0f} | {backs[0]:.2f} s, {backs[1]:.2f} s "
+            f"| {name} | {len(fixes)} | {epochs - cut_epochs - len(fixes):.0f} | {backs[0]}, {backs[1]} "
             f"| {100 * used_s / bench.wall_s:.1f} % | {memory[0] / 1024:.1f}, {memory[1] / 1024:.1f} MB |"
         )
 
@@ -536,9 +538,9 @@ def see_each_other(args, scenario):
     }
 
 
-def back_s(fixes, since):
+def fixed_after(fixes, since):
     """How long after an instant the next fix came."""
-    return next((at - since for at in fixes if at >= since), float("inf"))
+    return next((f"{at - since:.2f} s" for at in fixes if at >= since), "never")
 
 
 def kurs_fixes(lines):
