@@ -7,7 +7,7 @@
 //! *Code* residuals of the float solution need no integers: they teach from the first epoch on. *Phase*
 //! residuals need integers, and integers that were chosen because they fit have residuals that are too
 //! small. So only epochs whose model is so strong that nothing was chosen teach the phase level
-//! ([`NoiseLevels::learn_phase`]). Until then it is tied to that of the code – reflections spoil both – and
+//! ([`NoiseLevels::learn_phase`]). Until then it is tied to that of most of the code – reflections spoil both – and
 //! known with the few degrees of freedom of [`PHASE_PRIOR`], over which the likelihood of the integers is
 //! integrated (`likelihood.rs`).
 //!
@@ -50,8 +50,8 @@ const MIN_SCALE: f64 = 0.2;
 const SLOW_PRIOR: f64 = 100.0;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
 const MAX_SQUARE: f64 = 2.7 * 2.7;
-/// What most of the code's residuals say, those of the level of the phases: a residual teaches no more than one of 1.5 standard deviations,
-/// so that the level bears reflections of a third of the satellites, `MOST_MEAN/1.5²`.
+/// Of what most residuals say: one teaches no more than one of 1.5 standard deviations would, so that the level bears reflections of a
+/// third of the satellites, `MOST_MEAN/1.5²`. With 2.7 it grows without end from an eighth on.
 const MOST_SQUARE: f64 = 1.5 * 1.5;
 /// What this leaves of the squares of normal noise, `E min(z², k²) = 2Φ(k) − 1 − 2k φ(k) + 2k²(1 − Φ(k))` (Huber's proposal 2: Huber
 /// and Ronchetti, *Robust Statistics*, section 6.4).
@@ -87,7 +87,7 @@ impl Squares {
 #[derive(Debug, Clone, Default)]
 struct Kind {
     all: Squares,
-    /// Without the weight of the outliers.
+    /// What most residuals say, whatever the outliers do.
     most: Squares,
     bands: BTreeMap<Band, Squares>,
     common: CommonShare,
