@@ -24,8 +24,8 @@ except ImportError:
     sys.exit(0)
 
 POSITION_LIMIT_M = 0.01
-# GLONASS within half an hour, the age up to which Kurs uses a record. RTKLIB's steps of 60 s and its
-# gravitational constant (3.9860044e14) account for some millimetres.
+# GLONASS within half an hour, the age up to which Kurs uses a record. RTKLIB's gravitational
+# constant (3.9860044e14) accounts for some millimetres.
 GLONASS_MAX_AGE_S = 1800.0
 CLOCK_LIMIT_S = 0.1e-9
 
