@@ -193,10 +193,13 @@ fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     if let Some(explained) = without_faults(&fit) {
         return explained.solution();
     }
+    let Some(middle) = middle(&fit) else { return fit.solution() };
+    let apart_m = middle.position_m - fit.position_m;
+    if let Some(explained) = majority(&fit, middle) {
+        return explained.solution();
+    }
     // Where nothing explains the misfit, the honest larger residuals stay. Nor is the antenna where their squares are least if
     // most of them say another place.
-    let middle_m = middle(&fit).map_or(fit.position_m, |middle| middle.position_m);
-    let apart_m = middle_m - fit.position_m;
     let mut solution = fit.solution()?;
     solution.covariance_m2 += apart_m * apart_m.transpose();
     Ok(solution)
@@ -250,18 +253,17 @@ fn middle<'a>(fit: &PositionFit<'a>) -> Option<PositionFit<'a>> {
 
 /// The best fit without one satellite, or else without two, if it is consistent. One fault can move
 /// the position so that the residual of another satellite is the largest, and two can hide each
-/// other: so every pair is judged by what the two together explain. Of more, those are put aside that most of the
-/// others contradict.
+/// other: so every pair is judged by what the two together explain.
 fn without_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     let indices = 0..whole.rows.len();
     let one = indices.clone().map(|i| [i, i]);
     let pairs = indices.flat_map(|i| (0..i).map(move |j| [i, j]));
-    best(whole, one).or_else(|| best(whole, pairs)).or_else(|| majority(whole))
+    best(whole, one).or_else(|| best(whole, pairs))
 }
 
-/// The fit of those that agree where the sum of the residuals' sizes is least, if they are the most and prove themselves.
-fn majority<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
-    let mut fit = middle(whole)?;
+/// The fit of those that agree in the `middle`, if they are the most and prove themselves.
+fn majority<'a>(whole: &PositionFit<'a>, middle: PositionFit<'a>) -> Option<PositionFit<'a>> {
+    let mut fit = middle;
     // Steps that had not come to their end put good ones aside too: by the others these show.
     for _ in 0..2 {
         fit.excluded.clone_from(&whole.excluded);
