@@ -10,7 +10,8 @@ has `examples`, `scenarios` and `testdata` of the project in it:
   order; `…` in them stands for any text, other lines may come between. The exit status is 0 or that of a line `[exit status N]`.
 
 Pages whose commands need the Python module are skipped where it is not installed. In all pages, in whatever block or line, options of `kurs` and
-examples, tests and scripts of the project are looked up.
+examples, tests and scripts of the project are looked up. A comment `<!-- FILE: NAME = VALUE, … -->` beside numbers in the text holds
+them to the constants of a source file.
 """
 
 import os
@@ -24,6 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 RUN = ("tutorial", "howto")
 FENCE = re.compile(r"^```(\S*) *(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SOURCE = re.compile(r"^<!-- (\S+\.rs): (.*) -->$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 #: No command takes more than some seconds; on a machine with other work it may. Beyond this it hangs, s.
 PATIENCE_S = 300
@@ -33,7 +35,7 @@ def main():
     program = Path(sys.argv[1]).resolve()
     wanted = [Path(page).resolve() for page in sys.argv[2:]]
     pages = sorted(DOCS.rglob("*.md"))
-    faults = [*contents(pages), *links([*pages, *ROOT.glob("*.md")]), *names(pages, program)]
+    faults = [*contents(pages), *links([*pages, *ROOT.glob("*.md")]), *names(pages, program), *constants(pages)]
     for page in wanted or [page for page in pages if page.parent.name in RUN]:
         faults += commands(page, program)
     for fault in faults:
@@ -72,6 +74,19 @@ def links(pages):
                 yield told(page, text, link.start(), f"link to {link[1]}, which is not there")
             elif part and part not in {anchor(h) for h in re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)}:
                 yield told(page, text, link.start(), f"link to {link[1]}: no such heading")
+
+
+def constants(pages):
+    """Constants that a page gives another value than the source does."""
+    for page in pages:
+        text = page.read_text()
+        for comment in SOURCE.finditer(text):
+            source = (ROOT / comment[1]).read_text()
+            for name, value in (item.split(" = ") for item in comment[2].split(", ")):
+                in_source = re.search(rf"const {name}: \w+ = (.*);", source)
+                if not in_source or in_source[1] != value:
+                    found = in_source[1] if in_source else "not there"
+                    yield told(page, text, comment.start(), f"{name} = {value}, in {comment[1]} it is {found}")
 
 
 def names(pages, program):
