@@ -1,6 +1,6 @@
 //! The antennas of a body: where they are in body axes.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::frames::{Body, Vector};
 
@@ -136,6 +136,11 @@ impl AntennaArray {
         self.positions_m[rover] - self.positions_m[0]
     }
 
+    /// Baselines from antenna 0 to all others, m.
+    pub fn baselines_m(&self) -> impl Iterator<Item = Vector<Body>> + '_ {
+        (1..self.len()).map(|rover| self.baseline_m(rover))
+    }
+
     /// What the positions span, from the singular values of the centred positions.
     #[must_use]
     pub fn shape(&self) -> Shape {
@@ -155,6 +160,16 @@ impl AntennaArray {
             Shape::Spatial
         }
     }
+}
+
+/// Covariance `s² (I + 11ᵀ) ⊗ I` of `baselines` baselines from antenna 0 (3k × 3k, m²), of antennas
+/// surveyed with the standard deviation `s` in each coordinate: antenna 0 is part of every baseline.
+pub(crate) fn survey_covariance(baselines: usize, array_sd_m: f64) -> DMatrix<f64> {
+    let variance_m2 = array_sd_m * array_sd_m;
+    DMatrix::from_fn(3 * baselines, 3 * baselines, |i, j| {
+        let shared = if i % 3 == j % 3 { variance_m2 } else { 0.0 };
+        shared + if i == j { variance_m2 } else { 0.0 }
+    })
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@
 //! [`Direction::Backward`]: crate::engine::Direction::Backward
 
 use crate::chi_square::chi_square_tail;
-use crate::solution::{BaselineEstimate, EpochSolution, Outcome, Reason, Status};
+use crate::solution::{BaselineEstimate, EpochSolution, Reason};
 use crate::time::GpsTime;
 
 /// Two fixes with the same integers disagree this rarely, as a share: the level of all checks of right integers.
@@ -45,18 +45,22 @@ impl BackwardRows {
     /// The row of an epoch that both runs had, from that of the forward run; a row that only the forward run has
     /// stays as it is. The epochs come in the order of time.
     #[must_use]
-    pub fn join(&mut self, forward: EpochSolution) -> EpochSolution {
+    pub fn join(&mut self, mut forward: EpochSolution) -> EpochSolution {
         while self.rows.pop_if(|row| row.time < forward.time).is_some() {}
         let Some(backward) = self.rows.pop_if(|row| row.time == forward.time) else {
             return forward;
         };
         match (forward.is_fixed(), backward.fixed) {
             (true, Some(backward)) if !agree(&forward, &backward) => {
-                refused(forward, Reason::Contradiction)
+                forward.refuse(Reason::Contradiction);
+                forward
             }
             (true, Some(_)) => forward,
             (true, None) => match backward.reason {
-                Some(reason) if blames_the_array(reason) => refused(forward, reason),
+                Some(reason) if blames_the_array(reason) => {
+                    forward.refuse(reason);
+                    forward
+                }
                 _ => forward,
             },
             (false, Some(_)) if forward.reason().is_some_and(blames_the_array) => forward,
@@ -69,13 +73,6 @@ impl BackwardRows {
 /// Whether this reason is one of the session rather than of the epoch.
 fn blames_the_array(reason: Reason) -> bool {
     matches!(reason, Reason::Length | Reason::Geometry)
-}
-
-/// The row with a fix that is not believed.
-fn refused(mut row: EpochSolution, reason: Reason) -> EpochSolution {
-    row.outcome = Outcome::Inconsistent { attitude: row.attitude().copied(), reason };
-    row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
-    row
 }
 
 /// Whether the baselines that both have are the same within what they are uncertain by.
@@ -102,7 +99,7 @@ mod tests {
 
     use super::*;
     use crate::frames::Vector;
-    use crate::solution::AttitudeEstimate;
+    use crate::solution::{AttitudeEstimate, Outcome, Status};
 
     const SD_M: f64 = 0.003;
     const LEVEL: AttitudeEstimate = AttitudeEstimate {

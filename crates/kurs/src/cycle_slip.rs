@@ -69,7 +69,7 @@ pub struct Continuity {
 #[derive(Debug, Clone, Default)]
 struct AntennaTracks {
     time: Option<GpsTime>,
-    /// Of the epoch before, s; the longest silence that is usual.
+    /// Of the epoch before, s.
     interval_s: f64,
     /// Number of the epoch.
     epoch: u64,

@@ -1,5 +1,6 @@
 //! Coordinates relative to a fixed station whose place is known: by code differences for every
-//! antenna (seed 004: corrected coordinates of A, B, C), by carrier phase for the first one.
+//! antenna (`docs/papers/004-three-antennas.md`: corrected coordinates of A, B, C), by carrier phase
+//! for the first one.
 //!
 //! A differential correction is what the station's ranges are off at its known place; subtracting it
 //! from an antenna's ranges is the difference of the two. So both are baselines from the station,

@@ -26,7 +26,8 @@ use crate::difference::{
 };
 use crate::signal::SatelliteSet;
 
-/// By how much code is made weaker to leave it out: decimetres become hundreds of metres.
+/// Factor on the standard deviation of code that is to be ignored: decimetres become hundreds of
+/// metres.
 const CODE_LEFT_OUT: f64 = 1e3;
 
 /// Phases of one group before whitening, as the integers need them.
@@ -329,13 +330,13 @@ impl FloatSolution {
         float
     }
 
-    /// Number of components of the baselines that were told from outside ([`informed`](Self::informed)).
+    /// Number of components of the baselines that are known from outside ([`informed`](Self::informed)).
     #[must_use]
     pub fn told_components(&self) -> usize {
         self.informed
     }
 
-    /// Whether this is such a solution.
+    /// Whether this is a solution that [`without_code`](Self::without_code) gave.
     #[must_use]
     pub fn is_without_code(&self) -> bool {
         self.without_code
@@ -446,14 +447,13 @@ impl FloatSolution {
         of_phases.collect()
     }
 
-    /// By how much the weighted squares of the epoch's code grow if the corrections are these instead of
-    /// those that code alone gives.
+    /// Increase of the weighted squares of the epoch's code residuals if the corrections are these
+    /// instead of those that code alone gives, `(x − x̂)ᵀ N (x − x̂)`.
     #[must_use]
     pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
         if self.without_code {
             return 0.0;
         }
-        // (x − x̂)ᵀ N (x − x̂)
         let off_m = |i: usize| correction_m[i] - self.code.correction_m[i];
         let of_columns = self.code.normal.column_iter().enumerate().map(|(j, column)| {
             let along: f64 = column.iter().enumerate().map(|(i, n)| n * off_m(i)).sum();
@@ -647,10 +647,11 @@ fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {
 /// Inverse of a normal matrix, unless its directions differ so much in strength that one of them is
 /// not determined.
 fn well_conditioned_inverse(normal: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    const WEAKEST: f64 = 1e-10;
+    /// Of the squares of the pivots.
+    const MIN_PIVOT_RATIO: f64 = 1e-10;
     let factor = normal.clone().cholesky()?;
     let diagonal = (0..normal.nrows()).map(|i| factor.l_dirty()[(i, i)]);
     let (least, most) =
         diagonal.fold((f64::INFINITY, 0.0), |(least, most), d| (d.min(least), d.max(most)));
-    (least * least > WEAKEST * most * most).then(|| factor.inverse())
+    (least * least > MIN_PIVOT_RATIO * most * most).then(|| factor.inverse())
 }

@@ -50,7 +50,7 @@ pub const WGS84_F: f64 = 1.0 / 298.257_223_563;
 /// WGS 84: angular velocity of the Earth, rad/s.
 pub const EARTH_RATE_RADPS: f64 = 7.292_115e-5;
 /// First eccentricity squared, e² = f (2 − f).
-const E2: f64 = WGS84_F * (2.0 - WGS84_F);
+pub(crate) const E2: f64 = WGS84_F * (2.0 - WGS84_F);
 
 /// Three components in the axes of frame `F`; the unit (m, m/s, …) is in the variable's name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -318,6 +318,15 @@ impl Geodetic {
         let height_m =
             p * cos_lat + xyz.z * sin_lat - WGS84_A_M * (1.0 - E2 * sin_lat * sin_lat).sqrt();
         Self { latitude_rad, longitude_rad: xyz.y.atan2(xyz.x), height_m }
+    }
+
+    /// Radii of curvature of the ellipsoid along the meridian and across it, m:
+    /// `M = N (1 − e²) / (1 − e² sin²φ)`, `N = a / √(1 − e² sin²φ)`.
+    #[must_use]
+    pub fn curvature_radii_m(&self) -> [f64; 2] {
+        let w2 = 1.0 - E2 * self.latitude_rad.sin().powi(2);
+        let across_m = WGS84_A_M / w2.sqrt();
+        [across_m * (1.0 - E2) / w2, across_m]
     }
 
     /// Rotation from the local level axes at this point to ECEF.

@@ -34,6 +34,7 @@ use std::ops::Range;
 
 use crate::difference::Link;
 use crate::signal::{Band, System};
+use crate::sky::LOSS_AT_HORIZON_DB;
 
 /// A phase with more missing than this is not used, dB: a fifth of them is off by more than 0.15 cycle.
 pub const MAX_MISSING_DB: f64 = 6.0;
@@ -43,8 +44,6 @@ const USUAL_SPREAD_DB: f64 = 2.0;
 const EDGE_M_PER_DB: f64 = 0.004;
 /// Satellites of one system differ in power by this, dB: so much less than usual says nothing yet.
 const SATELLITE_SPREAD_DB: f64 = 3.0;
-/// What antennas receive less at the horizon than at the zenith, dB: as in [`crate::sky::NoiseModel`].
-const LOSS_AT_HORIZON_DB: f64 = 10.0;
 /// Code residuals beyond this are outliers, in standard deviations: one in 150 of Gaussian noise.
 const MAX_CODE_SIGMAS: f64 = 2.7;
 /// Epochs that "no antenna lacks anything" counts for.

@@ -46,7 +46,8 @@ pub struct AttitudeAccuracy {
     pub covariance_rad2: Matrix3<f64>,
 }
 
-/// A simulation ends early when the search has given up in so many epochs: each takes a second.
+/// A simulation ends early when the search has given up in so many epochs: each of them uses up its
+/// whole work budget.
 const MAX_GIVEN_UP: u32 = 5;
 
 /// How often simulated epochs gave the right integers.
@@ -92,7 +93,7 @@ pub fn attitude_accuracy(
     let normal = position_information(sights, |sight| sight.phase_sd_m);
     let normal_body = ned_from_body.transpose() * normal * ned_from_body;
     let positions = array.positions_m();
-    let centroid = positions.iter().map(Vector::xyz).sum::<Vector3<f64>>() / array.len() as f64;
+    let centroid = positions.iter().map(|b| b.xyz()).sum::<Vector3<f64>>() / array.len() as f64;
     let information: Matrix3<f64> = positions
         .iter()
         .map(|p| skew(&(p.xyz() - centroid)))
@@ -231,7 +232,7 @@ pub fn array_constrained_success_rate(
         conditional_covariance_m2: shared.kronecker(&of_one.conditional_covariance_m2),
     };
     let ned_from_body = attitude.ned_from_body();
-    let body_m: Vec<Vector3<f64>> = (1..=count).map(|j| array.baseline_m(j).xyz()).collect();
+    let body_m: Vec<Vector3<f64>> = array.baselines_m().map(|b| b.xyz()).collect();
     let components = (1..=count).flat_map(|j| {
         let baseline_m = (ned_from_body * array.baseline_m(j)).xyz();
         [baseline_m.x, baseline_m.y, baseline_m.z]

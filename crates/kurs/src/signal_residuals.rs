@@ -4,14 +4,28 @@
 //! Double differences `D y` say nothing of clocks, so the error of one link is known only through
 //! them; its most probable value, given the residuals `r = D y − A x` of its group, is
 //!
-//! `ê = Σ Dᵀ (D Σ Dᵀ)⁻¹ r`,   `Σ = diag(σ²)`
+//! `ê = Σ Dᵀ Q⁻¹ r`,   `Σ = diag(σ²)`,   `Q = D Σ Dᵀ`
+//!
+//! For phases `Q` also holds the cycles common to a receiver, which GLONASS channels scale differently.
 
 use core::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::difference::{Link, combinations, covariance, equations, own_links};
+use crate::difference::{Link, add_common_cycles, combinations, covariance, equations, own_links};
 use crate::solution::{IntegerSum, SignalResidual};
+
+/// One kind of observation of a link.
+struct Kind {
+    value_m: fn(&Link) -> Option<f64>,
+    variance_m2: fn(&Link) -> f64,
+    has_cycles: bool,
+}
+
+const CODE: Kind =
+    Kind { value_m: |l| l.code_m, variance_m2: |l| l.variances.code_m2, has_cycles: false };
+const PHASE: Kind =
+    Kind { value_m: |l| l.phase_m, variance_m2: |l| l.variances.phase_m2, has_cycles: true };
 
 /// The solution whose residuals are wanted.
 #[derive(Debug, Clone, Copy)]
@@ -36,11 +50,11 @@ pub fn signal_residuals(
     let mut integers = solved.integers.unwrap_or_default().iter();
     for range in groups {
         let of_group = &links[range.clone()];
-        let code = of_links(of_group, solved, |l| l.code_m, |l| l.variances.code_m2, |_| 0.0);
+        let code = of_links(of_group, solved, &CODE, |_| 0.0);
         let phase = solved.integers.and_then(|_| {
             let cycles =
                 |own: usize| of_group[own].wavelength_m * integers.next().copied().unwrap_or(0.0);
-            of_links(of_group, solved, |l| l.phase_m, |l| l.variances.phase_m2, cycles)
+            of_links(of_group, solved, &PHASE, cycles)
         });
         residuals.extend(of_group.iter().enumerate().map(|(i, link)| SignalResidual {
             antenna: link.antenna,
@@ -85,21 +99,25 @@ fn whole(value: f64) -> i64 {
     value.round() as i64
 }
 
-/// `Σ Dᵀ (D Σ Dᵀ)⁻¹ r` of one group and one kind of observation; `None` without a double
+/// `Σ Dᵀ Q⁻¹ r` of one group and one kind of observation; `None` without a double
 /// difference.
 fn of_links(
     links: &[Link],
     solved: &Solved<'_>,
-    value: impl Fn(&Link) -> Option<f64>,
-    variance_m2: impl Fn(&Link) -> f64,
+    kind: &Kind,
     known_m: impl FnMut(usize) -> f64,
 ) -> Option<Vec<Option<f64>>> {
-    let rows = combinations(links, |link| value(link).is_some());
-    let factor = covariance(&rows, |edge| variance_m2(&links[edge])).cholesky()?;
+    let Kind { value_m, variance_m2, has_cycles } = kind;
+    let rows = combinations(links, |link| value_m(link).is_some());
+    let mut covariance_m2 = covariance(&rows, |edge| variance_m2(&links[edge]));
+    if *has_cycles {
+        add_common_cycles(&mut covariance_m2, &rows, links);
+    }
+    let factor = covariance_m2.cholesky()?;
     let block = |antenna| solved.rovers.iter().position(|rover| *rover == antenna);
     let unknowns = solved.correction_m.len();
     let (design, misclosure_m): (DMatrix<f64>, DVector<f64>) =
-        equations(links, &rows, unknowns, block, &value);
+        equations(links, &rows, unknowns, block, value_m);
     let known_m = DVector::from_iterator(rows.len(), own_links(&rows).into_iter().map(known_m));
     let weighted = factor.solve(&(misclosure_m - design * solved.correction_m - known_m));
     let mut of_link = vec![None; links.len()];

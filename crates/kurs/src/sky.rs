@@ -174,7 +174,7 @@ impl Dop {
     }
 }
 
-/// Standard deviations of one undifferenced observation, as a function of elevation `E` and C/N0:
+/// Variances of one undifferenced observation, as a function of elevation `E` and C/N0:
 ///
 /// `σ_P² = σ_P0² / sin² E · 10^(d/10)`,   `σ_Φ² = σ_Φ0² ½ (1 + 1/sin² E) · 10^(d/20)`,
 /// `d = max(0, C₀ − 10 (1 − sin E) − C/N0)`
@@ -197,11 +197,12 @@ pub struct NoiseModel {
     pub channel_sd_m: f64,
 }
 
-/// What antennas receive less at the horizon than at the zenith, dB: 9 to 10 on L1 and E1 of geodetic
-/// ones.
-const LOSS_AT_HORIZON_DB: f64 = 10.0;
-/// Code tells the whole cycles that are common to all phases of a receiver to this.
+/// Loss of antenna gain from zenith to horizon, dB: 9 to 10 on L1 and E1 of geodetic antennas.
+pub(crate) const LOSS_AT_HORIZON_DB: f64 = 10.0;
+/// Standard deviation with which code determines the cycles common to all phases of a receiver.
 const COMMON_CYCLES_BY_CODE: f64 = 3.0;
+/// Sine of 5°: below, the 1/sin law has no measured support; it also must not reach zero.
+pub(crate) const MIN_SIN_ELEVATION: f64 = 0.087;
 /// Steps of the GLONASS channel in the carrier frequency of channel 0, on both bands (1602 MHz over
 /// 0.5625 MHz).
 const GLONASS_STEPS: f64 = 2848.0;
@@ -231,8 +232,7 @@ impl NoiseModel {
         let full_dbhz = self.full_cn0_dbhz - LOSS_AT_HORIZON_DB * (1.0 - sin_elevation);
         let missing_db = cn0_dbhz.map_or(0.0, |cn0| (full_dbhz - cn0).clamp(0.0, 25.0));
         let weak = if missing_db > 0.0 { 10f64.powf(missing_db / 20.0) } else { 1.0 };
-        // Below 5° the 1/sin law has no measured support; it also must not reach zero.
-        let sin_elevation = sin_elevation.max(0.087);
+        let sin_elevation = sin_elevation.max(MIN_SIN_ELEVATION);
         let low = 1.0 / (sin_elevation * sin_elevation);
         let code = code_factor(band) * self.code_zenith_m;
         Variances {

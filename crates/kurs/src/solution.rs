@@ -55,7 +55,8 @@ pub enum Reason {
     Geometry,
     /// Pitch or roll beyond what the body can do.
     Tilt,
-    /// Phase residuals too large for their weights.
+    /// Phase residuals too large for their weights; also satellites that contradict each other by tens of
+    /// metres with no known geometry, and integers that a predicted attitude refutes.
     Residuals,
     /// Two attitudes fit equally well.
     TwoMinima,
@@ -119,7 +120,7 @@ pub struct EpochSolution {
     pub antennas: usize,
     /// Antennas that have observations and no part in the row, each with the reason.
     pub idle_antennas: Vec<(usize, Reason)>,
-    /// Most satellites that two antennas share above the mask.
+    /// Satellites above the mask that at least two antennas see.
     pub shared_satellites: usize,
     /// Satellites with a double-differenced carrier phase.
     pub satellites: usize,
@@ -408,6 +409,12 @@ impl EpochSolution {
             self.outcome = Outcome::Inconsistent { attitude, reason };
             self.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
         }
+    }
+
+    /// Refuses the epoch together with its attitude, which means nothing.
+    pub fn refuse_attitude(&mut self, reason: Reason) {
+        self.outcome = Outcome::Inconsistent { attitude: None, reason };
+        self.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
     }
 
     /// Satellites in use, as receivers say it beside a position: those of the double differences, or, where there are

@@ -356,8 +356,7 @@ fn not_capable(epoch: &ArrayEpoch) -> EpochSolution {
 
 /// An epoch whose antennas are one recording: its baselines are zero, which no array has.
 pub(crate) fn refuse_zero_baseline(row: &mut EpochSolution) {
-    row.outcome = Outcome::Inconsistent { attitude: None, reason: Reason::Geometry };
-    row.baselines.iter_mut().for_each(|baseline| baseline.status = Status::Inconsistent);
+    row.refuse_attitude(Reason::Geometry);
 }
 
 /// Everything that is written row by row.

@@ -1,5 +1,5 @@
 //! Coordinates relative to a fixed station: a car with four antennas, 900 m from it, and the attitude
-//! that the coordinates alone give (the chain of seed 004) beside that of the array.
+//! that the coordinates alone give (the chain of `docs/papers/004-three-antennas.md`) beside that of the array.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use std::collections::VecDeque;

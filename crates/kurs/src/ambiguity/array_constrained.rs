@@ -26,6 +26,7 @@ use super::{
     search::{DEFAULT_HORIZON, settled_variance},
     sphere::Length,
 };
+use crate::array::survey_covariance;
 
 /// An extent of the array below this share of the largest is no dimension of it.
 const FLAT_RATIO: f64 = 1e-6;
@@ -393,8 +394,7 @@ impl Shape {
     }
 }
 
-/// Adds what the surveyed antenna positions are uncertain by, `s² (I + 11ᵀ) ⊗ I` for antenna 0 is in every baseline, to
-/// `Q_x` and `Q_x|a`.
+/// Adds the covariance of the survey to `Q_x` and `Q_x|a`.
 fn softened(
     mut float: MixedFloat,
     baselines: usize,
@@ -405,8 +405,7 @@ fn softened(
         let what = "the standard deviation of the array";
         return Err(AmbiguityError::OutOfRange { what, value: array_sd_m });
     }
-    let shared = DMatrix::from_fn(baselines, baselines, |i, j| if i == j { 2.0 } else { 1.0 });
-    let survey = shared.kronecker(&Matrix3::<f64>::identity()) * array_sd_m.powi(2);
+    let survey = survey_covariance(baselines, array_sd_m);
     float.real_covariance_m2 += &survey;
     float.conditional_covariance_m2 += survey;
     Ok(float)

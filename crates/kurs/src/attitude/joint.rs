@@ -48,7 +48,7 @@ pub fn solve<To: Copy>(
     covariance_m2: &DMatrix<f64>,
     cost_gap: f64,
 ) -> Result<ArrayAttitude<To>, AttitudeError> {
-    let body = body_baselines(array);
+    let body: Vec<_> = array.baselines_m().map(|b| b.xyz()).collect();
     let measured = stacked(baselines_m);
     let weight = weight_of(covariance_m2)?;
     let global = problem(&body, &measured, &weight)?.global_minimum(cost_gap)?;
@@ -85,7 +85,7 @@ pub struct ArrayDirection<To> {
 }
 
 /// Direction from the baselines antenna 0 → 1, 2, … (m, outside frame) of a collinear array, with
-/// their full covariance as for [`solve`]. [`super::angles`] turns it into heading and pitch.
+/// their full covariance as for [`solve`]. [`super::line`] turns it into heading and pitch.
 ///
 /// # Errors
 ///
@@ -95,7 +95,7 @@ pub fn solve_direction<To: Copy>(
     baselines_m: &[Vector<To>],
     covariance_m2: &DMatrix<f64>,
 ) -> Result<ArrayDirection<To>, AttitudeError> {
-    let body = body_baselines(array);
+    let body: Vec<_> = array.baselines_m().map(|b| b.xyz()).collect();
     let measured = stacked(baselines_m);
     let weight = weight_of(covariance_m2)?;
     let axis = body[0].normalize();
@@ -112,11 +112,6 @@ pub fn solve_direction<To: Copy>(
         cost_gap: found.cost_gap,
         residuals_m: residuals,
     })
-}
-
-/// Baselines from antenna 0 in body axes, m.
-fn body_baselines(array: &AntennaArray) -> Vec<Vector3<f64>> {
-    (1..array.len()).map(|rover| array.baseline_m(rover).xyz()).collect()
 }
 
 /// Measured minus turned baselines.

@@ -1,4 +1,5 @@
-//! Three measured points A, B, C: the published closed form (seed equations 18 to 28).
+//! Three measured points A, B, C: the published closed form (equations 18 to 28 of
+//! `docs/papers/004-three-antennas.md`).
 //!
 //! The points are taken for the ends of the legs `d, e, f` of a right-angled corner at `O′`. With
 //! `S = 1/d² + 1/e² + 1/f²` and the orthocentre `H = (A/d² + B/e² + C/f²) / S` of the triangle,
@@ -88,7 +89,7 @@ mod tests {
     use crate::attitude::weighted::exponential;
     use proptest::prelude::*;
 
-    /// `O′` as published (seed equations 23 to 26, with the ½ and the first equation of 18): both
+    /// `O′` as published (equations 23 to 26, with the ½ and the first equation of 18): both
     /// roots of the quadratic; `None` where the plane of the triangle is parallel to the y axis.
     fn published_origins(points: &[Vector3<f64>; 3]) -> Option<[Vector3<f64>; 2]> {
         let [a, b, c] = *points;

@@ -32,7 +32,7 @@ pub struct Link {
     pub common_sd_cycles: f64,
     /// Carrier wavelength, m.
     pub wavelength_m: f64,
-    /// Variances of the two.
+    /// Variances of code and phase.
     pub variances: Variances,
     /// Carrier-to-noise density ratio, dB-Hz.
     pub cn0_dbhz: Option<f64>,

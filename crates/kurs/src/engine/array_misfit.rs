@@ -20,13 +20,13 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
+use crate::array::survey_covariance;
 use crate::float_solution::Fit;
+use crate::float_solution::recursive::FADING_S;
 use crate::time::GpsTime;
 
 use super::acceptance::Scale;
 
-/// Time in which what was learnt fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
-const FADING_S: f64 = 300.0;
 /// At least this share of the noise variance stays from epoch to epoch.
 const MIN_PERSISTENCE: f64 = 0.1;
 /// Degrees of freedom of successive differences that `t = 1` counts for at first.
@@ -59,16 +59,6 @@ impl Misfit {
     pub(super) fn scaled(&self, factor: f64) -> Self {
         Self { covariance_m2: &self.covariance_m2 * factor, ..self.clone() }
     }
-}
-
-/// Covariance of `baselines` known baselines whose ends were surveyed with `array_sd_m` in each
-/// coordinate: the end where they start is common to all.
-pub(super) fn survey_covariance(baselines: usize, array_sd_m: f64) -> DMatrix<f64> {
-    let variance_m2 = array_sd_m * array_sd_m;
-    DMatrix::from_fn(3 * baselines, 3 * baselines, |i, j| {
-        let shared = if i % 3 == j % 3 { variance_m2 } else { 0.0 };
-        shared + if i == j { variance_m2 } else { 0.0 }
-    })
 }
 
 /// The misfit of the recent epochs together.
@@ -167,7 +157,7 @@ impl ArrayMisfit {
         Some(())
     }
 
-    /// `t`; larger than `Q` says is none of it, whose level the residuals have taught.
+    /// `t`, at most 1: the residuals have taught `Q` its level, so differences only make it smaller.
     fn noise_level(&self, persistence: f64) -> f64 {
         let expected = self.change_degrees * (1.0 - persistence);
         ((self.changes + LEVEL_PRIOR) / (expected + LEVEL_PRIOR)).min(1.0)

@@ -19,7 +19,7 @@ use super::settings::Settings;
 /// turns with 100 °/s moves an antenna 1 m away by 17 mm, which no velocity corrects.
 const MAX_TIME_DIFFERENCE_S: f64 = 0.010;
 
-/// A body's velocity tells where it goes for so long, s.
+/// Longest extrapolation with the velocity, s.
 const MAX_EXTRAPOLATION_S: f64 = 2.0;
 
 /// One antenna of the epoch, by itself.
@@ -224,7 +224,7 @@ impl Located {
     }
 }
 
-/// The most satellites that any two antennas share (links with fewer than two antennas are gone).
+/// Satellites that at least two antennas see (links with fewer than two antennas are gone).
 pub(super) fn shared_satellites(links: &[Link]) -> usize {
     links.iter().map(|link| link.satellite).collect::<SatelliteSet>().len()
 }

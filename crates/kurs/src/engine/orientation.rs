@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-use super::array_misfit::{Misfit, survey_covariance};
+use super::array_misfit::Misfit;
 
-use crate::array::{AntennaArray, Shape};
+use crate::array::{AntennaArray, Shape, survey_covariance};
 use crate::attitude::installation::survey_turn_rad2;
 use crate::attitude::{MeasuredLine, VerticalMemory, joint};
 use crate::baseline::Baselines;
@@ -112,7 +112,8 @@ fn line(
     let ned_from_body = line.ned_from_body(&vertical);
     let ecef_from_body = ned_from_body.map(|rotation| ned_from_ecef.inverse() * rotation);
     let installation = ecef_from_body.and_then(|rotation| {
-        let (body, line) = (body_baselines(array), solved.axis.xyz());
+        let body: Vec<_> = array.baselines_m().map(|b| b.xyz()).collect();
+        let line = solved.axis.xyz();
         let (matrix, sd_m) = (rotation.matrix(), known.array_sd_m);
         survey_turn_rad2(&body, &matrix, &covariance_m2, Some(&line), sd_m)
     });
@@ -148,7 +149,8 @@ fn full(
     let attitude = if solved.uniqueness.is_ambiguous(gap) {
         Err(Reason::TwoMinima)
     } else {
-        let (body, matrix) = (body_baselines(array), ecef_from_body.matrix());
+        let body: Vec<_> = array.baselines_m().map(|b| b.xyz()).collect();
+        let matrix = ecef_from_body.matrix();
         let survey = survey_turn_rad2(&body, &matrix, &covariance_m2, None, array_sd_m);
         let ned_from_body = horizon.ned_from_ecef() * ecef_from_body;
         Ok(AttitudeEstimate::full(ned_from_body, &solved.covariance_body_rad2)
@@ -162,11 +164,6 @@ fn full(
 /// The baselines one by one.
 fn vectors(baselines: &Baselines) -> Vec<Vector<Ecef>> {
     (0..baselines.rovers.len()).map(|block| baselines.vector_m(block)).collect()
-}
-
-/// The array's baselines in body axes, m.
-fn body_baselines(array: &AntennaArray) -> Vec<nalgebra::Vector3<f64>> {
-    (1..array.len()).map(|rover| array.baseline_m(rover).xyz()).collect()
 }
 
 /// How far measured baselines may be from the array as it was surveyed, m²: both are uncertain.
@@ -190,7 +187,7 @@ fn in_body_axes(
     }
     Misfit {
         antennas: [baselines.reference].iter().chain(&baselines.rovers).copied().collect(),
-        known_m: body_baselines(array),
+        known_m: array.baselines_m().map(|b| b.xyz()).collect(),
         residual_m: DVector::from_iterator(
             baselines.vectors_m.len(),
             turned.flat_map(|residual| <[f64; 3]>::from(residual.xyz())),

@@ -16,11 +16,11 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::acceptance::Known;
-use super::array_misfit::survey_covariance;
 use super::fix::{Epoch, Fix};
 use super::locate::CommonFrame;
 use super::search::{Problem, Searches};
 use super::settings::{Constraint, Settings};
+use crate::array::survey_covariance;
 use crate::baseline::Baselines;
 use crate::chi_square::chi_square_tail;
 use crate::float_solution::FloatSolution;

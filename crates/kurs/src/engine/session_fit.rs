@@ -7,13 +7,12 @@
 
 use crate::chi_square::fisher_tail;
 use crate::float_solution::Fit;
+use crate::float_solution::recursive::FADING_S;
 use crate::time::GpsTime;
 
-/// Time in which the past fades to 1/e, s: as the ambiguities of `float_solution::recursive`.
-const FADING_S: f64 = 300.0;
 /// An epoch counts for no more than this many times its degrees of freedom: one wild epoch is no proof.
 const MAX_EXCESS: f64 = 16.0;
-/// Degrees of freedom of the code's level, over which it is not trusted: its tails are not Gaussian.
+/// Cap on the degrees of freedom of the code's level: its tails are heavier than Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
 /// Odds of a wrong length or place in a configuration, before anything was seen: half of the usual rate of wrong fixes, so
@@ -35,7 +34,7 @@ const MIN_DOUBT: f64 = 1e-7;
 pub(super) struct SessionFit {
     sum: f64,
     degrees_of_freedom: f64,
-    /// For the known geometry: an independent epoch whose mean square is 1 leaves a tenth of the odds against it.
+    /// Log₁₀ odds for the known geometry: an independent epoch with mean square 1 adds one.
     evidence: f64,
     time: Option<GpsTime>,
 }

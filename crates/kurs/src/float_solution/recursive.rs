@@ -42,15 +42,17 @@ use super::{ConditionalNormal, FloatSolution, Memory, Phases};
 
 /// Correlation time of multipath, s: 0.96 from one second to the next, measured on roofs.
 pub(crate) const CORRELATION_S: f64 = 25.0;
-/// Time in which the memory fades to 1/e, s.
-const FADING_S: f64 = 300.0;
+/// Time in which the memory of a session fades to 1/e, s.
+pub(crate) const FADING_S: f64 = 300.0;
 /// A phase that departs from its prediction by more standard deviations than this …
 const MAX_DEPARTURE_SD: f64 = 5.0;
 /// … and by more than this share of its wavelength is disturbed: it slipped, or it got a bias. Less
 /// is what multipath does.
 const MIN_SLIP_CYCLES: f64 = 0.1;
-/// If more than this share of the links slipped at once, nothing is left to tell them from the rest.
+/// If a larger share of the links slipped at once, the others cannot be trusted either.
 const MAX_SLIPPED_SHARE: f64 = 0.4;
+/// A link of whose information a smaller share is redundant cannot be tested.
+const UNTESTABLE: f64 = 1e-8;
 
 /// How the baselines move from epoch to epoch, in ECEF.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -430,9 +432,6 @@ fn worst_departure(
     }
     worst.map(|(_, arc)| arc)
 }
-
-/// A link of whose information less than this share is redundant cannot be tested.
-const UNTESTABLE: f64 = 1e-8;
 
 impl Arc {
     fn begin(link: &Link, number: u32, codes: Codes) -> Self {

@@ -178,11 +178,11 @@ impl Orienter {
             Ok(fit) => self.fill(&mut row, local, fit, memory),
             Err(NoFit::TooFew) => {}
             Err(NoFit::Inconsistent) => {
-                refuse(&mut row, Reason::Geometry);
+                row.refuse_attitude(Reason::Geometry);
                 row.baselines = baselines(local, |_| Status::Inconsistent);
             }
-            Err(NoFit::TwoMinima) => refuse(&mut row, Reason::TwoMinima),
-            Err(NoFit::BadInput) => refuse(&mut row, Reason::BadInput),
+            Err(NoFit::TwoMinima) => row.refuse_attitude(Reason::TwoMinima),
+            Err(NoFit::BadInput) => row.refuse_attitude(Reason::BadInput),
         }
         if let Outcome::Fixed { attitude } = &row.outcome {
             memory.remember(row.time, attitude);
@@ -263,13 +263,13 @@ impl Orienter {
             (FitKind::Body { .. }, Method::ThreePoint) => {
                 match three_point_attitude(&points, self.settings.array_sd_m) {
                     Ok(attitude) => attitude,
-                    Err(reason) => return refuse(row, reason),
+                    Err(reason) => return row.refuse_attitude(reason),
                 }
             }
         };
         let tilt = [attitude.pitch_rad, attitude.roll_rad];
         if tilt.into_iter().flatten().any(|angle| angle.abs() > self.settings.max_tilt_rad) {
-            return refuse(row, Reason::Tilt);
+            return row.refuse_attitude(Reason::Tilt);
         }
         let max_sd_rad = self.settings.max_angle_sd_rad;
         let certain = attitude.certain_to(max_sd_rad);
@@ -330,10 +330,6 @@ impl Orienter {
         }
         survey_turn_rad2(&body, &ned_from_body.matrix(), &covariance_m2, line, array_sd_m)
     }
-}
-
-fn refuse(row: &mut EpochSolution, reason: Reason) {
-    row.outcome = Outcome::Inconsistent { attitude: None, reason };
 }
 
 fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEstimate {

@@ -1,6 +1,6 @@
 //! Iterated weighted least squares for position, clock and inter-system biases.
 //!
-//! Model (seed 004, equations 1-14 with their errata), for satellite `s` of system `k`:
+//! Model (equations 1 to 14 of `docs/papers/004-three-antennas.md`, corrected), for satellite `s` of system `k`:
 //!
 //! `P = |xₛ − x| + c (δt + Bₖ) − c δtₛ + I + T`,    `B` of the first system present = 0
 //!
@@ -29,16 +29,17 @@ const ROBUST_ITERATIONS: usize = 60;
 /// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
 /// 2.5 µm after ten metres, as far as code leads away from the last epoch's position.
 const CONVERGED_M: f64 = 10.0;
-/// After a step below this the position is as near as ranges without atmosphere bring it, which is near enough (some tens of
-/// metres) for directions, weights and atmosphere to mean something.
+/// After a step below this the position is good to some tens of metres, the atmosphere ignored:
+/// enough for elevations, weights and delays.
 const ROUGH_M: f64 = 1e3;
 /// Standard deviation of such ranges: troposphere and ionosphere at the horizon.
 const ROUGH_SD_M: f64 = 100.0;
-/// No path and no atmosphere makes a residual of this size, but a wrong bit of a range or an orbit.
+/// A residual this large is a wrong bit of a range or an ephemeris, not propagation.
 const GROSS_M: f64 = SUSPECT * ROUGH_SD_M;
-/// Code as far off as this is of no path that light takes straight, or of an orbit or a signal that is not the satellite's.
+/// Code this far off is a reflection, an imitation, or the signal of a satellite whose orbit is wrong.
 const USELESS_M: f64 = 50.0;
-/// From this multiple of the expected size of the residuals on, the place where the iteration began may be to blame.
+/// Above this root mean square the starting point itself may be at fault: begin again from the
+/// Earth's centre.
 const GROSS_RMS: f64 = 30.0;
 /// Farther from the Earth's centre than any receiver below the satellites' orbits.
 const MAX_RADIUS_M: f64 = 2.0e7;
@@ -55,11 +56,12 @@ const INCONSISTENT_RMS: f64 = 3.0;
 const NOISE_PRIOR: f64 = 8.0;
 /// A residual whose variance is a smaller share of its observation's checks nothing.
 const MIN_CHECKED: f64 = 1e-6;
-/// Of the satellites, and of the pairs, this many that explain the misfit best are left out on trial.
+/// How many of the satellites that explain the misfit best, and of the pairs, are left out on trial.
 const TRIALS: usize = 3;
-/// A satellite agrees with the others by chance so often, if faults are twenty times as large as what is allowed to noise.
+/// Probability that a faulty satellite agrees with the others by chance, faults being spread over
+/// twenty times what is allowed to noise.
 const CHANCE: f64 = 0.05;
-/// Of all ways to put as many satellites aside less than this many may leave others that agree by chance.
+/// Largest expected number of chance agreements among all ways to exclude as many satellites.
 const MAX_BY_CHANCE: f64 = 0.01;
 
 /// What the position depends on besides the observations.
@@ -135,8 +137,8 @@ pub enum NoPosition {
 #[derive(Debug, Clone, Copy)]
 struct Row {
     line_of_sight: Vector3<f64>,
-    /// By how much the computed value falls with a displacement: the line of sight, and that the troposphere gets
-    /// thinner as the antenna rises.
+    /// Derivative of the computed range with its sign changed: the line of sight, and the change of
+    /// the tropospheric delay with height.
     approach: Vector3<f64>,
     system: usize,
     misclosure_m: f64,
@@ -193,22 +195,22 @@ fn solved(mut fit: PositionFit<'_>) -> Result<PointSolution, NoPosition> {
     if let Some(explained) = without_faults(&fit) {
         return explained.solution();
     }
-    let Some(middle) = middle(&fit) else { return fit.solution() };
-    let apart_m = middle.position_m - fit.position_m;
-    if let Some(explained) = majority(&fit, middle) {
+    let Some(central) = least_absolute(&fit) else { return fit.solution() };
+    let apart_m = central.position_m - fit.position_m;
+    if let Some(explained) = consensus(&fit, central) {
         return explained.solution();
     }
-    // Where nothing explains the misfit, the honest larger residuals stay. Nor is the antenna where their squares are least if
-    // most of them say another place.
+    // Unexplained misfit stays in the residuals. If the fits of least squares and of least sizes differ,
+    // their separation is added to the covariance.
     let mut solution = fit.solution()?;
     solution.covariance_m2 += apart_m * apart_m.transpose();
     Ok(solution)
 }
 
-/// The rough fit without the satellites that are wrong by kilometres (a bit of a range or of an ephemeris), if the others agree. Such
-/// ones draw the position so far that elevations mean nothing, or keep the iteration from its end: so they go before. The sum of
-/// the residuals' sizes, not of their squares, is made small, which a few of any size hardly move. Where one still does, it is left
-/// out from the start.
+/// The rough fit without the satellites that are wrong by kilometres (a bit of a range or of an
+/// ephemeris), if the others agree. They pull the position so far that elevations mean nothing, or
+/// keep the iteration from its end, so they go first: by the least sum of absolute residuals, which
+/// few outliers of any size hardly move. Where one still does, it is left out from the start.
 fn without_gross_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     robust(whole.at_the_centre()).or_else(|| {
         let without = |(_, satellite): &(Row, Satellite)| {
@@ -218,24 +220,24 @@ fn without_gross_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> 
     })
 }
 
-/// The rough fit of those that agree where the sum of the residuals' sizes is least.
+/// The rough fit of those that agree with the fit of least absolute residuals.
 fn robust(fit: PositionFit<'_>) -> Option<PositionFit<'_>> {
-    let fit = middle(&fit)?;
+    let fit = least_absolute(&fit)?;
     let wrong = fit.rows.iter().filter(|(row, _)| row.misclosure_m.abs() > GROSS_M);
     let wrong = wrong.map(|(_, satellite)| *satellite);
     let excluded = fit.excluded.iter().copied().chain(wrong).collect();
     let mut without = PositionFit { excluded, ..fit.at_the_centre() };
     without.converge().ok()?;
     let is_proven = without.redundancy() > 0 && without.is_consistent();
-    // Steps that had not come to their end have put good ones aside too.
+    // The reweighting may have stopped early and excluded good satellites too.
     let wrong = without.exclusions().into_iter().filter(|e| e.residual_m.abs() > GROSS_M);
     without.excluded = wrong.map(|exclusion| exclusion.satellite).collect();
     is_proven.then_some(without)
 }
 
-/// The fit with the least sum of the residuals' sizes, over their standard deviations, by least squares whose weights fall with the
-/// residuals of the step before.
-fn middle<'a>(fit: &PositionFit<'a>) -> Option<PositionFit<'a>> {
+/// The fit of least absolute residuals, `min Σ |vᵢ|/σᵢ`, by least squares reweighted with the residuals
+/// of the step before, `wᵢ ← wᵢ / max(1, |vᵢ|/σᵢ)`.
+fn least_absolute<'a>(fit: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     let mut fit = fit.clone();
     for _ in 0..ROBUST_ITERATIONS {
         let before: Vec<f64> = fit.rows.iter().map(|(row, _)| row.misclosure_m).collect();
@@ -261,10 +263,12 @@ fn without_faults<'a>(whole: &PositionFit<'a>) -> Option<PositionFit<'a>> {
     best(whole, one).or_else(|| best(whole, pairs))
 }
 
-/// The fit of those that agree in the `middle`, if they are the most and prove themselves.
-fn majority<'a>(whole: &PositionFit<'a>, middle: PositionFit<'a>) -> Option<PositionFit<'a>> {
-    let mut fit = middle;
-    // Steps that had not come to their end put good ones aside too: by the others these show.
+/// The fit of those that agree with the one of least absolute residuals, if they are the majority and
+/// hardly agree by chance.
+fn consensus<'a>(whole: &PositionFit<'a>, central: PositionFit<'a>) -> Option<PositionFit<'a>> {
+    let mut fit = central;
+    // The reweighting may have stopped early and excluded good satellites too: the second round
+    // brings them back.
     for _ in 0..2 {
         fit.excluded.clone_from(&whole.excluded);
         fit.form_rows();
@@ -456,15 +460,15 @@ impl<'a> PositionFit<'a> {
         }
     }
 
-    /// Whether no residual says that a satellite is faulty, or none could say so.
+    /// Whether no residual points to a faulty satellite, or there is no redundancy to tell.
     fn is_consistent(&self) -> bool {
         let fits = |(row, _): &(Row, Satellite)| self.normalised(row) < SUSPECT;
         self.redundancy() == 0
             || (self.unit_weight_rms() < INCONSISTENT_RMS && self.rows.iter().all(fits))
     }
 
-    /// By how much the variances have to grow so that residuals which no single fault explains are what they promise. Code that
-    /// is noisier than assumed counts beside what was assumed, `(ν₀ + vᵀPv)/(ν₀ + ν)`; where satellites contradict each
+    /// Factor that makes the variances agree with unexplained residuals. Code that is noisier than
+    /// assumed counts beside what was assumed, `(ν₀ + vᵀPv)/(ν₀ + ν)`; where satellites contradict each
     /// other, half against half, nobody knows whom to believe, and the residuals alone count.
     fn misfit_factor(&self) -> f64 {
         let redundancy = self.redundancy() as f64;

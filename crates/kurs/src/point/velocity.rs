@@ -9,7 +9,7 @@ use super::position::PointSolution;
 use super::track::Tracked;
 use crate::frames::{EARTH_RATE_RADPS, Ecef, Vector};
 use crate::signal::SPEED_OF_LIGHT_MPS;
-use crate::sky::View;
+use crate::sky::{MIN_SIN_ELEVATION, View};
 
 /// Doppler noise at the zenith and full signal strength, m/s.
 const DOPPLER_ZENITH_MPS: f64 = 0.02;
@@ -60,7 +60,8 @@ pub fn velocity(
     })
 }
 
-/// `None` without Doppler shift, below the elevation whose sine is `lowest`, and for what the position had to leave out.
+/// `None` without Doppler shift, below the elevation whose sine is `lowest`, and for satellites that the
+/// position excluded.
 fn equation(satellite: &Tracked, point: &PointSolution, lowest: f64) -> Option<Equation> {
     let measured_mps = satellite.range_rate_mps?;
     if point.exclusions.iter().any(|e| e.satellite == satellite.satellite) {
@@ -72,7 +73,7 @@ fn equation(satellite: &Tracked, point: &PointSolution, lowest: f64) -> Option<E
         return None;
     }
     let u = view.line_of_sight.xyz();
-    let root_weight = sin_elevation.max(0.087) / DOPPLER_ZENITH_MPS;
+    let root_weight = sin_elevation.max(MIN_SIN_ELEVATION) / DOPPLER_ZENITH_MPS;
     Some(Equation {
         row: Vector4::new(-u.x, -u.y, -u.z, 1.0),
         innovation_mps: measured_mps - satellite_part_mps(satellite, &view),

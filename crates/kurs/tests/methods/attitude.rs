@@ -38,7 +38,7 @@ fn wahba_and_newton_reach_the_global_minimum() {
     }
 }
 
-/// Medians of reference figures (seed 000, section 1.4 of our notes): as printed the continuation
+/// Medians of reference figures (`docs/papers/000-relative-orientation.md`): as printed the continuation
 /// diverges; scaled, two steps leave some hundredths of a degree and Newton's method nothing.
 #[test]
 fn continuation_against_newton() {

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::chi_square::chi_square_tail;
-use crate::frames::{Body, EARTH_RATE_RADPS, Geodetic, Ned, Rotation, Vector, WGS84_A_M, WGS84_F};
+use crate::frames::{Body, EARTH_RATE_RADPS, Geodetic, Ned, Rotation, Vector};
 use crate::fusion::earth::gravity::normal_gravity_mps2;
 use crate::fusion::health::{FilterError, LONGEST_GAP_S, Tally};
 use crate::fusion::kalman::{Batch, Estimate, Gate};
@@ -387,15 +387,10 @@ impl Place {
     fn at(place: &Geodetic) -> Self {
         let (sin, cos) = place.latitude_rad.sin_cos();
         let gravity_mps2 = normal_gravity_mps2(place.latitude_rad, place.height_m);
-        // N = a / √(1 − e² sin²φ), M = N (1 − e²) / (1 − e² sin²φ)
-        let e2 = WGS84_F * (2.0 - WGS84_F);
-        let w2 = 1.0 - e2 * sin * sin;
-        let across_m = WGS84_A_M / w2.sqrt();
-        let meridian_m = across_m * (1.0 - e2) / w2;
         Self {
             gravity_ned_mps2: Vector3::new(0.0, 0.0, gravity_mps2),
             earth_rate_ned: Vector3::new(cos, 0.0, -sin) * EARTH_RATE_RADPS,
-            by_radius: [meridian_m, across_m].map(|radius_m| 1.0 / (radius_m + place.height_m)),
+            by_radius: place.curvature_radii_m().map(|radius_m| 1.0 / (radius_m + place.height_m)),
             // Within a kilometre of a pole the level axes turn without limit: not followed.
             tan_latitude: sin / cos.max(1e-4),
         }

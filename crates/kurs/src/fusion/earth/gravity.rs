@@ -1,7 +1,6 @@
 //! Normal gravity of the WGS 84 ellipsoid.
 
-use crate::frames::WGS84_A_M;
-use crate::frames::WGS84_F;
+use crate::frames::{E2, WGS84_A_M, WGS84_F};
 
 /// Normal gravity at the equator, m/s² (NIMA TR8350.2, table 3.4).
 const EQUATOR_MPS2: f64 = 9.780_325_335_9;
@@ -9,7 +8,6 @@ const EQUATOR_MPS2: f64 = 9.780_325_335_9;
 const SOMIGLIANA: f64 = 0.001_931_852_652_41;
 /// m = Ω² a² b / GM (NIMA TR8350.2, table 3.4).
 const CENTRIFUGAL: f64 = 0.003_449_786_506_84;
-const E2: f64 = WGS84_F * (2.0 - WGS84_F);
 
 /// Normal gravity at a geodetic latitude and height above the ellipsoid: what a resting plumb line
 /// feels, centrifugal part of the turning Earth included.

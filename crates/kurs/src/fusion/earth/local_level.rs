@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::normal_gravity_mps2;
-use crate::frames::{Ecef, Geodetic, Vector, WGS84_A_M, WGS84_F};
+use crate::frames::{Ecef, Geodetic, Vector};
 
 /// North-up-east axes and gravity at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,13 +62,10 @@ impl LocalLevel {
         let here = Geodetic::from_ecef(Vector::<Ecef>::from_xyz(*position_m));
         let axes = nhe_from_ecef(&here);
         let [north, up, east] = [0, 1, 2].map(|row| axes.row(row).transpose());
-        let (sin_lat, cos_lat) = here.latitude_rad.sin_cos();
-        // Radii of curvature: N = a / √(1 − e² sin²φ), M = (1 − e²) N³/a²
-        let e2 = WGS84_F * (2.0 - WGS84_F);
-        let prime_vertical = WGS84_A_M / (1.0 - e2 * sin_lat * sin_lat).sqrt();
-        let meridian = (1.0 - e2) * prime_vertical.powi(3) / WGS84_A_M.powi(2);
-        let latitude_gradient = north / (meridian + here.height_m);
-        let longitude_gradient = east / ((prime_vertical + here.height_m) * cos_lat);
+        let cos_lat = here.latitude_rad.cos();
+        let [meridian_m, across_m] = here.curvature_radii_m();
+        let latitude_gradient = north / (meridian_m + here.height_m);
+        let longitude_gradient = east / ((across_m + here.height_m) * cos_lat);
         // Going north turns the axes about west, going east about the Earth's axis.
         let turning =
             -east * latitude_gradient.transpose() + Vector3::z() * longitude_gradient.transpose();
