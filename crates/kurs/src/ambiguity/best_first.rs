@@ -212,7 +212,8 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
                 }
                 Stage::Unasked | Stage::Children { .. } => {
                     let opened = self.nodes.len();
-                    self.open(levels, node, bound);
+                    let left = extent.work_budget.saturating_sub(self.work);
+                    self.open(levels, node, bound, left / C::BRANCH_WORK + 1);
                     self.work += C::BRANCH_WORK * (self.nodes.len() - opened);
                 }
                 Stage::Bounded => self.settle(constraint, node)?,
@@ -245,15 +246,17 @@ impl<const P: usize, M: Copy> BestFirst<P, M> {
         self.queue.push(Queued { bound: node.bound, node: index });
     }
 
-    /// Queues the children of a node that may be as cheap as `bound`, and the rest as a whole.
-    fn open(&mut self, levels: &Levels<P>, parent: usize, bound: f64) {
+    /// Queues the children of a node that may be as cheap as `bound`, and the rest as a whole. Behind
+    /// the first `most` of them the budget is spent and the search ends: what is wildly off, as a
+    /// place in the place of a baseline, makes millions as cheap.
+    fn open(&mut self, levels: &Levels<P>, parent: usize, bound: f64, most: usize) {
         let k = self.nodes[parent].free - 1;
         let mut siblings = match self.nodes[parent].stage {
             Stage::Children { next: Some(siblings) } => siblings,
             _ => Siblings::around(self.center(levels, parent, k)),
         };
         let variance = levels.decorrelation.conditional_variances()[k];
-        loop {
+        for _ in 0..most {
             let node = &self.nodes[parent];
             let residual = siblings.center - siblings.integer;
             let norm = node.norm + residual * residual / variance;

@@ -290,5 +290,12 @@ mod tests {
         let mut search = LengthConstrained { node_budget: 20, ..Default::default() };
         let found = search.solve(&float, Length { length_m: 10.0, sd_m: 0.01 }, 2);
         assert!(matches!(found, Err(AmbiguityError::BudgetExceeded { .. })));
+        // A place where the baseline belongs: millions of integers are as cheap.
+        let mut place = float.clone();
+        place.reals_m *= 6.4e5;
+        search.node_budget = 1000;
+        let found = search.solve(&place, Length { length_m: 10.0, sd_m: 0.01 }, 2);
+        let Err(AmbiguityError::BudgetExceeded { nodes }) = found else { panic!("{found:?}") };
+        assert!((1001..1010).contains(&nodes), "{nodes}");
     }
 }
