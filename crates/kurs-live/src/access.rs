@@ -11,13 +11,15 @@
 //! sharing (CORS).
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+
+use crate::lock::lock;
 
 /// Requests a second in the long run, and at once: two hundred pages that are opened together ask for
 /// twenty files each.
@@ -211,7 +213,7 @@ impl Allowance {
 
     /// Takes one, if one is left.
     fn take(&self) -> bool {
-        let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut left = lock(&self.left);
         let grown = left.0 + left.1.elapsed().as_secs_f64() * self.per_second;
         let has_one = grown >= 1.0;
         *left = (grown.min(self.most) - f64::from(u8::from(has_one)), Instant::now());

@@ -14,6 +14,7 @@ use kurs_formats::logs::{LogOptions, LogReader};
 use kurs_formats::source::Source;
 use tokio::sync::mpsc;
 
+use crate::lock::lock;
 use crate::record::gps_time;
 use crate::status::StreamStatus;
 
@@ -60,14 +61,14 @@ impl Permits {
 
     /// Waits until fewer than `most` are out.
     pub(crate) fn acquire_of(&self, most: usize) {
-        let out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let out = lock(&self.out);
         let out = self.changed.wait_while(out, |out| *out >= most);
         *out.unwrap_or_else(PoisonError::into_inner) += 1;
     }
 
     /// So many are done with.
     pub(crate) fn release(&self, count: usize) {
-        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut out = lock(&self.out);
         *out = out.saturating_sub(count);
         self.changed.notify_all();
     }
@@ -82,7 +83,7 @@ pub(crate) struct Pace {
 
 impl Pace {
     fn wait(&self, time: GpsTime, speed: f64) {
-        let mut start = self.start.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut start = lock(&self.start);
         let (began, first) = *start.get_or_insert((Instant::now(), time));
         drop(start);
         Self::sleep(began, (time - first) / speed);
@@ -91,7 +92,7 @@ impl Pace {
     /// For a log that has no week: it begins with the first epoch of another one.
     pub(crate) fn wait_for_tow(&self, tow_s: f64, speed: f64) {
         const LOOK_AGAIN: Duration = Duration::from_millis(10);
-        let start = || *self.start.lock().unwrap_or_else(PoisonError::into_inner);
+        let start = || *lock(&self.start);
         let (began, first) = loop {
             match start() {
                 Some(start) => break start,
@@ -158,7 +159,7 @@ pub(crate) fn decode(
             Ok(false) => return,
             Err(error) => {
                 if let Some(date) = reader.told_date() {
-                    *decoding.told_date.lock().unwrap_or_else(PoisonError::into_inner) = Some(date);
+                    *lock(&decoding.told_date) = Some(date);
                 }
                 return decoding.status.note_error(&error.to_string());
             }
@@ -192,11 +193,11 @@ struct Arrivals(Arc<Mutex<VecDeque<(u64, Instant, SystemTime)>>>);
 
 impl Arrivals {
     fn any(&self) -> bool {
-        !self.0.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
+        !lock(&self.0).is_empty()
     }
 
     fn add(&self, end: u64, chunk: &Chunk) {
-        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut list = lock(&self.0);
         // Bytes that make no epoch must not gather.
         const MAX_CHUNKS: usize = 4096;
         if list.len() >= MAX_CHUNKS {
@@ -208,7 +209,7 @@ impl Arrivals {
     /// Of the epoch whose first message begins at this offset, and whose last byte is the last that was
     /// read.
     fn of_epoch(&self, begun_at: u64) -> Arrival {
-        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut list = lock(&self.0);
         while list.len() > 1 && list.front().is_some_and(|(end, ..)| *end <= begun_at) {
             list.pop_front();
         }

@@ -1,7 +1,7 @@
 //! One stream: connect, pass the bytes on, and when the connection breaks make it again, for ever.
 
 use std::io;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
 use kurs::fusion::attitude::session::ImuSample;
@@ -17,6 +17,7 @@ use crate::connection::Connection;
 use crate::decoder::{self, Chunk, Decoded, Decoding, Pace, Permits};
 use crate::imu::{self, ReadSamples};
 use crate::lines::{self, Lines};
+use crate::lock::lock;
 use crate::ntrip::{self, NtripError};
 use crate::peer::PeerLine;
 use crate::record::{Recorder, gps_time};
@@ -485,7 +486,7 @@ impl Running {
             return self.start_reader(lines, is_marked);
         }
         let pace = self.pace(is_marked);
-        let told = *self.told_date.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = *lock(&self.told_date);
         let known_time = told.or(*self.shared.known_time.borrow());
         let parts = self.input.antennas.iter().zip(&self.statuses).zip(&self.permits);
         parts

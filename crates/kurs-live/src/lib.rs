@@ -31,6 +31,7 @@ mod http;
 mod imu;
 mod input;
 mod lines;
+mod lock;
 #[cfg(feature = "mqtt")]
 mod mqtt;
 mod ntrip;

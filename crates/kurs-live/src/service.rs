@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, PoisonError, mpsc};
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -330,8 +330,9 @@ async fn serve(
     };
     let has_station = setup.inputs.iter().any(|i| i.antennas.iter().any(|(n, ..)| *n == STATION));
     let station = has_station.then(|| Arc::clone(&inputs.station_status));
-    *status.streams.lock().unwrap_or_else(PoisonError::into_inner) =
-        inputs.statuses.iter().cloned().chain(station).chain(imu_status).chain(peers).collect();
+    status.set_streams(
+        inputs.statuses.iter().cloned().chain(station).chain(imu_status).chain(peers).collect(),
+    );
 
     if let Deadline::Seconds(wait_s) = setup.deadline
         && !(setup.once || setup.outputs.is_empty())

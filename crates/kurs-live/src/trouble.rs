@@ -1,8 +1,10 @@
 //! What goes wrong over and over is told of once: when it begins, when it becomes another one, as a slow reminder while it lasts,
 //! and when it is over.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
+
+use crate::lock::lock;
 
 /// What lasts, or comes back, is told of again after so long.
 const REMINDER: Duration = Duration::from_secs(600);
@@ -54,7 +56,7 @@ impl Trouble {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 }
 

@@ -22,7 +22,7 @@ mod view;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use axum::Router;
@@ -44,6 +44,7 @@ use view::View;
 
 use crate::access::{self, Access};
 use crate::http;
+use crate::lock::lock;
 use crate::output::Encode;
 use crate::peer::RelativeRow;
 use crate::service::Times;
@@ -201,10 +202,6 @@ impl Hub {
         }
         troubles
     }
-}
-
-fn lock<T>(of: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Once a second, as long as the service runs.
