@@ -15,7 +15,7 @@ const MQTT_PORT: u16 = 1883;
 /// Port of Zenoh routers where none is given.
 const ZENOH_PORT: u16 = 7447;
 /// Baud rate of serial ports where none is given: what receivers come with most often.
-const BAUD: u32 = 115_200;
+pub(crate) const BAUD: u32 = 115_200;
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq)]
@@ -199,12 +199,12 @@ impl Address {
         matches!(self, Self::Mqtt(_) | Self::Zenoh(_))
     }
 
-    /// Bits a second of the line; of what is no line, those of receivers.
+    /// Bits a second, if it is a serial port.
     #[must_use]
-    pub const fn baud(&self) -> u32 {
+    pub const fn baud(&self) -> Option<u32> {
         match self {
-            Self::Serial { baud, .. } => *baud,
-            _ => BAUD,
+            Self::Serial { baud, .. } => Some(*baud),
+            _ => None,
         }
     }
 

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
 use kurs::ephemeris::NavigationData;
@@ -14,9 +14,9 @@ use kurs_formats::logs::{LogOptions, LogReader};
 use kurs_formats::source::Source;
 use tokio::sync::mpsc;
 
+use crate::intake::Intake;
 use crate::lock::lock;
 use crate::record::gps_time;
-use crate::status::StreamStatus;
 
 /// Epochs of an antenna that may wait for the others; a receiver that is this far ahead waits.
 const MAX_AHEAD: usize = 16;
@@ -45,33 +45,6 @@ pub(crate) struct Decoded {
     pub(crate) arrival: Arrival,
     /// Where a station in the stream says that it is.
     pub(crate) place_m: Option<Vector<Ecef>>,
-}
-
-/// Lets a decoder run ahead of the other antennas only so far.
-#[derive(Debug, Default)]
-pub(crate) struct Permits {
-    out: Mutex<usize>,
-    changed: Condvar,
-}
-
-impl Permits {
-    fn acquire(&self) {
-        self.acquire_of(MAX_AHEAD);
-    }
-
-    /// Waits until fewer than `most` are out.
-    pub(crate) fn acquire_of(&self, most: usize) {
-        let out = lock(&self.out);
-        let out = self.changed.wait_while(out, |out| *out >= most);
-        *out.unwrap_or_else(PoisonError::into_inner) += 1;
-    }
-
-    /// So many are done with.
-    pub(crate) fn release(&self, count: usize) {
-        let mut out = lock(&self.out);
-        *out = out.saturating_sub(count);
-        self.changed.notify_all();
-    }
 }
 
 /// Plays a log that has no time marks at the pace of its epochs; one for all streams, so that they stay
@@ -116,8 +89,7 @@ impl Pace {
 pub(crate) struct Decoding {
     pub(crate) name: String,
     pub(crate) options: LogOptions,
-    pub(crate) permits: Arc<Permits>,
-    pub(crate) status: Arc<StreamStatus>,
+    pub(crate) intake: Intake,
     /// Where the next decoder finds the date that ephemerides told.
     pub(crate) told_date: Arc<Mutex<Option<GpsTime>>>,
     /// Of a log without time marks: the pace and the speed.
@@ -130,6 +102,7 @@ pub(crate) fn decode(
     chunks: mpsc::Receiver<Chunk>,
     mut give: impl FnMut(Decoded) -> bool,
 ) {
+    let status = &decoding.intake.status;
     let arrivals = Arrivals::default();
     let reader =
         ChunkReader { chunks, current: Arc::from([]), at: 0, read: 0, arrivals: arrivals.clone() };
@@ -139,7 +112,7 @@ pub(crate) fn decode(
         Ok(reader) => reader,
         Err(error) => {
             if arrivals.any() {
-                decoding.status.note_error(&error.to_string());
+                status.note_error(&error.to_string());
             }
             return;
         }
@@ -151,7 +124,7 @@ pub(crate) fn decode(
         if reader.damage_count() > damaged {
             let what = reader.damage().last().map_or("", |damage| damage.what.as_ref());
             tracing::debug!(stream = decoding.name, what, "damaged");
-            decoding.status.note_damage(reader.damage_count() - damaged);
+            status.note_damage(reader.damage_count() - damaged);
             damaged = reader.damage_count();
         }
         match more {
@@ -161,7 +134,7 @@ pub(crate) fn decode(
                 if let Some(date) = reader.told_date() {
                     *lock(&decoding.told_date) = Some(date);
                 }
-                return decoding.status.note_error(&error.to_string());
+                return status.note_error(&error.to_string());
             }
         }
         if let Some((pace, speed)) = &decoding.pace {
@@ -169,9 +142,9 @@ pub(crate) fn decode(
         }
         let paced = decoding.pace.is_some();
         let arrival = if paced { Arrival::now() } else { arrivals.of_epoch(reader.begun_at()) };
-        decoding.status.note_epoch(&epoch);
-        decoding.status.note_age(gps_time(arrival.last_byte_utc) - epoch.time);
-        decoding.permits.acquire();
+        status.note_epoch(&epoch);
+        status.note_age(gps_time(arrival.last_byte_utc) - epoch.time);
+        decoding.intake.permits.acquire(MAX_AHEAD);
         let news = reader.take_news();
         let place_m = reader.place_m();
         if !give(Decoded { epoch, news, arrival, place_m }) {

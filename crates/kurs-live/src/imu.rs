@@ -19,9 +19,8 @@ use kurs::observation::matcher::Deadline;
 use kurs::solution::EpochSolution;
 use kurs::time::GpsTime;
 
-use crate::decoder::Permits;
-use crate::service::Times;
-use crate::status::StreamStatus;
+use crate::intake::Intake;
+use crate::setup::Times;
 
 /// Samples of a log that is read as fast as possible that may wait for the antennas: 4 s of 1000 Hz.
 pub(crate) const MAX_AHEAD: usize = 4096;
@@ -72,8 +71,7 @@ pub(crate) struct Carrier {
     deadline: Deadline,
     /// Its log is read as fast as possible: it waits for the antennas.
     is_unpaced: bool,
-    status: Arc<StreamStatus>,
-    permits: Arc<Permits>,
+    intake: Intake,
     /// Samples that came and whose permits are not given back.
     out: usize,
     /// When samples came, for those that an epoch may still ask for.
@@ -102,20 +100,13 @@ pub(crate) struct Carrier {
 }
 
 impl Carrier {
-    pub(crate) fn new(
-        imu: Imu,
-        deadline: Deadline,
-        is_unpaced: bool,
-        status: Arc<StreamStatus>,
-        permits: Arc<Permits>,
-    ) -> Self {
+    pub(crate) fn new(imu: Imu, deadline: Deadline, is_unpaced: bool, intake: Intake) -> Self {
         Self {
             feed: AttitudeFeed::new(imu.session.clone(), imu.interval_s),
             imu,
             deadline,
             is_unpaced,
-            status,
-            permits,
+            intake,
             out: 0,
             arrivals: VecDeque::new(),
             doubted: None,
@@ -196,7 +187,7 @@ impl Carrier {
         if self.is_silent {
             self.awaiting = None;
             let text = "no sample came in time: rows go on without the inertial sensor";
-            self.status.note_error(text);
+            self.intake.status.note_error(text);
         }
         self.is_silent
     }
@@ -353,15 +344,15 @@ impl Carrier {
         let too_late = self.feed.too_late();
         if too_late > 0 && self.told_too_late == 0 {
             let text = "samples come too late, or their time goes back: they are not used";
-            self.status.note_error(text);
+            self.intake.status.note_error(text);
         }
         self.told_too_late = too_late;
-        self.status.late.store(too_late as u64, Relaxed);
+        self.intake.status.late.store(too_late as u64, Relaxed);
     }
 
     fn return_permits(&mut self) {
         let waiting = self.feed.waiting_samples() + usize::from(self.doubted.is_some());
-        self.permits.release(self.out.saturating_sub(waiting));
+        self.intake.permits.release(self.out.saturating_sub(waiting));
         self.out = waiting.min(self.out);
     }
 }

@@ -19,7 +19,7 @@ use tokio::time::timeout;
 
 use crate::address::Address;
 use crate::back_off::BackOff;
-use crate::service::Times;
+use crate::setup::Times;
 use crate::status::{OutputStatus, Status};
 use crate::trouble::Trouble;
 

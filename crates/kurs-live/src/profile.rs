@@ -9,6 +9,7 @@ use kurs_formats::nmea2000::Form;
 use kurs_formats::ubx::{AntennaLine, Conversation};
 use kurs_formats::{mavlink, nmea, nmea2000, ros, signal_k, ubx};
 
+use crate::address::BAUD;
 use crate::output::{Encode, Partner};
 
 /// Kinds of readers.
@@ -169,10 +170,10 @@ impl Profile {
 
     /// What is said to everyone who connects over a line of this rate, and how they are answered.
     #[must_use]
-    pub fn partner(self, baud: u32) -> Partner {
+    pub fn partner(self, baud: Option<u32>) -> Partner {
         Partner {
             greeting: if self == Self::Ros2 { ros::advertisement() } else { Vec::new() },
-            conversation: self.is_receiver().then(|| Conversation::new(baud)),
+            conversation: self.is_receiver().then(|| Conversation::new(baud.unwrap_or(BAUD))),
             publisher: None,
         }
     }

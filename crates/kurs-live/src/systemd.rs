@@ -2,7 +2,12 @@
 
 use std::env;
 use std::os::unix::net::UnixDatagram;
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// The engine is taken for stuck when its thread shows no life for so long.
+const STUCK_AFTER: Duration = Duration::from_secs(5);
 
 /// Tells systemd, if it listens.
 pub(crate) fn notify(message: &str) {
@@ -18,7 +23,23 @@ pub(crate) fn notify(message: &str) {
 }
 
 /// How often it wants to hear from the service: half of `WatchdogSec`.
-pub(crate) fn watchdog_interval() -> Option<Duration> {
+fn watchdog_interval() -> Option<Duration> {
     let microseconds: u64 = env::var("WATCHDOG_USEC").ok()?.parse().ok()?;
     Some(Duration::from_micros(microseconds / 2))
+}
+
+/// Feeds the watchdog of systemd as long as the engine's thread lives.
+pub(crate) async fn feed_watchdog(heartbeat: Arc<AtomicU64>) {
+    let Some(interval) = watchdog_interval() else { return };
+    let (mut last, mut seen) = (0, Instant::now());
+    loop {
+        let now = heartbeat.load(Relaxed);
+        if now != last {
+            (last, seen) = (now, Instant::now());
+        }
+        if seen.elapsed() < STUCK_AFTER {
+            notify("WATCHDOG=1");
+        }
+        tokio::time::sleep(interval).await;
+    }
 }

@@ -15,7 +15,7 @@ use kurs_formats::logs::LogOptions;
 use kurs_formats::ros::bus::{MAX_DOMAIN, Publisher, TOPICS};
 use kurs_formats::source::Source;
 use kurs_live::{
-    Address, Encode, Finish, Input, MakeEngine, Output, Page, Partner, Profile, Reloaded, STATION,
+    Address, Encode, Finish, Input, MakeEngine, Observer, Output, Page, Partner, Profile, Reloaded,
     Setup, Zenoh,
 };
 use nalgebra::Matrix3;
@@ -179,7 +179,7 @@ fn listen_at_one(one: &str, other: &str) -> bool {
 fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
     let mut inputs: Vec<Input> = Vec::new();
     let approximate_time = loaded.approximate_time();
-    let mut add = |number: usize, name: &str, stream: Option<&String>, options: LogOptions| {
+    let mut add = |observer: Observer, name: &str, stream: Option<&String>, options: LogOptions| {
         let Some(stream) = stream else {
             let expected = "`stream` says where its bytes come from, such as tcp://HOST:PORT";
             return Err(UsageError(format!("{name}: no `stream`; {expected}")));
@@ -191,7 +191,7 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
             return Err(UsageError(format!("{name}: stream \"{address}\": {expected}")));
         }
         let address = address.with_path(|path| loaded.path(&path));
-        let antenna = (number, name.to_owned(), options);
+        let antenna = (observer, name.to_owned(), options);
         match inputs.iter_mut().find(|input| input.address == address) {
             Some(input) => input.antennas.push(antenna),
             None => inputs.push(Input { address, antennas: vec![antenna], lines: None }),
@@ -202,12 +202,12 @@ fn inputs(loaded: &Loaded) -> Result<Vec<Input>, UsageError> {
     for (number, a) in loaded.config.antenna.iter().enumerate() {
         let (protocol, station, antenna) = (a.protocol, a.station_id, a.antenna_id);
         let options = LogOptions { protocol, station, antenna, ..options };
-        add(number, &a.name, a.stream.as_ref(), options)?;
+        add(Observer::Antenna(number), &a.name, a.stream.as_ref(), options)?;
     }
     if let Some(s) = &loaded.config.station {
         let (protocol, station, antenna) = (s.protocol, s.station_id, s.antenna_id);
         let options = LogOptions { protocol, station, antenna, ..options };
-        add(STATION, "station", s.stream.as_ref(), options)?;
+        add(Observer::Station, "station", s.stream.as_ref(), options)?;
     }
     inputs.extend(companions::inputs(loaded)?);
     Ok(inputs)

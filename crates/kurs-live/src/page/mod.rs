@@ -47,7 +47,7 @@ use crate::http;
 use crate::lock::lock;
 use crate::output::Encode;
 use crate::peer::RelativeRow;
-use crate::service::Times;
+use crate::setup::Times;
 use crate::status::Status;
 
 /// Pages that are fed at once.

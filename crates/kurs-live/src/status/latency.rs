@@ -19,7 +19,7 @@ pub(crate) struct Histogram {
 }
 
 impl Histogram {
-    pub(crate) fn add(&self, latency: Duration) {
+    pub(super) fn add(&self, latency: Duration) {
         let ms = latency.as_secs_f64() * 1e3;
         if let Some(class) = BOUNDS_MS.iter().position(|bound| ms <= *bound) {
             self.classes[class].fetch_add(1, Relaxed);

@@ -13,6 +13,7 @@ use kurs::solution::{EpochSolution, Status as RowStatus};
 
 use crate::lock::lock;
 use crate::peer::RelativeRow;
+use crate::setup::Times;
 use crate::trouble::Trouble;
 use latency::Histogram;
 pub(crate) use stream::{Brings, StreamStatus, StreamView};
@@ -102,7 +103,10 @@ impl Status {
         self.station_age_s.store(age_s.unwrap_or(f64::NAN).to_bits(), Relaxed);
     }
 
-    pub(crate) fn note_row(&self, row: &EpochSolution) {
+    /// A row leaves.
+    pub(crate) fn note_row(&self, row: &EpochSolution, times: &Times) {
+        self.in_to_out.add(times.row_out - times.last_byte);
+        self.first_to_out.add(times.row_out - times.first_byte);
         let number = RowStatus::ALL.iter().position(|status| *status == row.status());
         self.rows[number.unwrap_or(0)].fetch_add(1, Relaxed);
         self.satellites.store(row.satellites as u64, Relaxed);
