@@ -5,10 +5,10 @@
 //! | page at the loopback | everybody on this machine | the token |
 //! | page for others | the token | the token |
 //!
-//! The files of the page itself are no secret. A site that a browser shows beside the page can neither read
-//! nor change anything: a request whose `Origin` is another one is refused, and so is, at the loopback, a
-//! `Host` that is none of its names (a foreign name that was made to point here). There are no headers for
-//! sharing (CORS).
+//! The files of the page itself are not secret. A site that a browser shows beside the page can
+//! neither read nor change anything: a request whose `Origin` is another one is refused, and so is,
+//! at the loopback, a `Host` that is not one of its names (a foreign name that was made to point
+//! here). There are no headers for sharing (CORS).
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex};
@@ -21,8 +21,8 @@ use axum::response::{IntoResponse, Response};
 
 use crate::lock::lock;
 
-/// Requests a second in the long run, and at once: two hundred pages that are opened together ask for
-/// twenty files each.
+/// Requests a second in the long run, and at once: two hundred pages that are opened together ask
+/// for twenty files each.
 const REQUESTS: (f64, f64) = (400.0, 5000.0);
 /// Changes, and tokens that are wrong, a second in the long run and at once.
 const CHANGES: (f64, f64) = (1.0, 20.0);
@@ -94,8 +94,8 @@ impl Access {
     }
 }
 
-/// Of every request: where it comes from, how many there are, how long it takes; and what browsers have to
-/// know of the answer.
+/// Checks of every request: where it comes from, how many there are, how long it takes; and what
+/// browsers have to know of the answer.
 pub(crate) async fn guard(
     State(access): State<Arc<Access>>,
     request: Request,
@@ -198,7 +198,7 @@ fn is_same(shown: &str, token: &str) -> bool {
     shown.len() == token.len() && differences == 0
 }
 
-/// So many in the long run, and so many at once.
+/// Allows a number of requests a second in the long run, and a number at once.
 #[derive(Debug)]
 struct Allowance {
     per_second: f64,

@@ -1,6 +1,7 @@
 //! Where bytes come from and go to: `serial:///dev/ttyACM0?baud=460800`, `tcp://HOST:PORT`,
-//! `tcp-listen://[HOST]:PORT`, `udp://[HOST]:PORT`, `ntrip[s]://[USER[:PASSWORD]@]HOST[:PORT]/MOUNT`,
-//! `mqtt://[USER[:PASSWORD]@]HOST[:PORT]/TOPIC`, `zenoh://HOST[:PORT]/KEY`, `file://LOG[?speed=1]`.
+//! `tcp-listen://[HOST]:PORT`, `udp://[HOST]:PORT`,
+//! `ntrip[s]://[USER[:PASSWORD]@]HOST[:PORT]/MOUNT`, `mqtt://[USER[:PASSWORD]@]HOST[:PORT]/TOPIC`,
+//! `zenoh://HOST[:PORT]/KEY`, `file://LOG[?speed=1]`.
 
 use core::fmt;
 use core::str::FromStr;
@@ -88,7 +89,7 @@ pub struct Zenoh {
     pub key: String,
 }
 
-/// A server with what it is told of the one who asks.
+/// A server, and the name and password to show it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Place {
     /// Name or number of the computer.

@@ -1,5 +1,6 @@
-//! How long to wait before a connection is tried again: 1 s, then twice as long each time up to a limit,
-//! with jitter, so that many clients that lost one caster do not come back at once; for ever.
+//! How long to wait before a connection is tried again: 1 s, then twice as long each time up to a
+//! limit, with jitter, so that many clients that lost one caster do not come back at once; for
+//! ever.
 
 use std::hash::{BuildHasher, RandomState};
 use std::time::Duration;

@@ -1,16 +1,16 @@
-//! How strongly an antenna receives a band, against what is usual there: what disturbs the signals near the antenna
-//! makes all satellites of a band weaker at once.
+//! How strongly an antenna receives a band, against what is usual there: what disturbs the signals
+//! near the antenna makes all satellites of a band weaker at once.
 
 use kurs::signal::Band;
 use kurs::time::GpsTime;
 
-/// What is usual at an antenna is the mean C/N0 of so long, s: satellites that rise and set change it more slowly
-/// than this, an amplifier that warms up too.
+/// What is usual at an antenna is the mean C/N0 of so long, s: satellites that rise and set change
+/// it more slowly than this, an amplifier that warms up too.
 const USUAL_S: f64 = 600.0;
 /// Nothing is called unusual before so long, s.
 const KNOWN_AFTER_S: f64 = 30.0;
-/// So much less than usual means four times the noise, dB: neither the turning sky nor rain does that to the mean of
-/// all satellites; a roof above, or a foreign signal, does.
+/// A level this much below the usual one, dB, means four times the noise: neither the turning sky
+/// nor rain does that to the mean of all satellites; a roof above, or a foreign signal, does.
 const LOW_DB: f64 = 6.0;
 
 /// The C/N0 of a band at an antenna, against what it usually is there.
@@ -26,7 +26,8 @@ pub(crate) struct BandLevel {
 }
 
 impl BandLevel {
-    /// The next one: the slow mean forgets with [`USUAL_S`], and is a plain mean until it is so old.
+    /// The next one: the slow mean forgets with [`USUAL_S`], and is a plain mean until it is so
+    /// old.
     pub(crate) fn after(before: Option<&Self>, band: Band, cn0_dbhz: f64, time: GpsTime) -> Self {
         let Some(before) = before.filter(|before| time > before.time) else {
             return Self { band, cn0_dbhz, usual_dbhz: cn0_dbhz, since: time, time };

@@ -11,14 +11,14 @@ pub(crate) const MAX_WAITING: usize = 64;
 /// Messages that come from a bus, read as lines.
 pub(crate) struct Subscription {
     messages: mpsc::Receiver<io::Result<Vec<u8>>>,
-    /// Of the last message, and how much of it was read.
+    /// The last message, and how much of it was read.
     current: Vec<u8>,
     at: usize,
     task: AbortHandle,
 }
 
 impl Subscription {
-    /// Of messages that a task receives, which ends with the subscription.
+    /// To the messages that `task` receives; it ends with the subscription.
     pub(crate) const fn new(
         messages: mpsc::Receiver<io::Result<Vec<u8>>>,
         task: AbortHandle,

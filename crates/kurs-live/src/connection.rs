@@ -76,7 +76,7 @@ impl Connection {
             Self::Tcp(stream) => stream.read(buffer).await,
             Self::Serial(port) => port.read(buffer).await,
             Self::Udp(socket) => loop {
-                // An empty datagram is no end.
+                // An empty datagram is not an end.
                 match socket.recv(buffer).await? {
                     0 => continue,
                     count => return Ok(count),

@@ -1,5 +1,5 @@
-//! Bytes of one connection to epochs of one antenna, in a thread of its own: a new decoder for every
-//! connection, so that nothing of a broken one can stick.
+//! Bytes of one connection to epochs of one antenna, in a thread of its own: a new decoder for
+//! every connection, so that nothing of a broken one can stick.
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
@@ -47,8 +47,8 @@ pub(crate) struct Decoded {
     pub(crate) place_m: Option<Vector<Ecef>>,
 }
 
-/// Plays a log that has no time marks at the pace of its epochs; one for all streams, so that they stay
-/// together.
+/// Plays a log that has no time marks at the pace of its epochs; one for all streams, so that they
+/// stay together.
 #[derive(Debug, Default)]
 pub(crate) struct Pace {
     start: Mutex<Option<(Instant, GpsTime)>>,
@@ -92,7 +92,7 @@ pub(crate) struct Decoding {
     pub(crate) intake: Intake,
     /// Where the next decoder finds the date that ephemerides told.
     pub(crate) told_date: Arc<Mutex<Option<GpsTime>>>,
-    /// Of a log without time marks: the pace and the speed.
+    /// Pace and speed of a log without time marks.
     pub(crate) pace: Option<(Arc<Pace>, f64)>,
 }
 
@@ -179,8 +179,8 @@ impl Arrivals {
         list.push_back((end, chunk.arrived, chunk.utc));
     }
 
-    /// Of the epoch whose first message begins at this offset, and whose last byte is the last that was
-    /// read.
+    /// When the epoch came whose first message begins at this offset, and whose last byte is the
+    /// last that was read.
     fn of_epoch(&self, begun_at: u64) -> Arrival {
         let mut list = lock(&self.0);
         while list.len() > 1 && list.front().is_some_and(|(end, ..)| *end <= begun_at) {

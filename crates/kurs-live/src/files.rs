@@ -38,7 +38,7 @@ fn write(rows: &Receiver<ForFiles>, mut write_row: WriteRow, mut write_relative:
         };
         match written {
             Ok(()) => last_error.clear(),
-            // One that goes on and on is told of once.
+            // An error that goes on and on is reported once.
             Err(error) if error == last_error => {}
             Err(error) => {
                 tracing::error!("a row cannot be written: {error}");

@@ -1,7 +1,8 @@
-//! Connections of browsers and machines: HTTP/1.1 by hyper, within limits that no client can exceed.
+//! Connections of browsers and machines: HTTP/1.1 by hyper, within limits that no client can
+//! exceed.
 //!
-//! A request has to come within its time and size; a client that takes nothing is dropped; there are only
-//! so many connections. What is answered is none of this module's business.
+//! A request has to come within its time and size; a client that takes nothing is dropped; there
+//! are only so many connections. What is answered is decided elsewhere.
 
 use std::io;
 use std::net::SocketAddr;
@@ -158,8 +159,8 @@ mod tests {
         answer
     }
 
-    /// A request with bytes of it altered, left out, doubled or cut: whatever comes is answered or closed,
-    /// and the next request is served.
+    /// A request with bytes of it altered, left out, doubled or cut: whatever comes is answered or
+    /// closed, and the next request is served.
     #[tokio::test]
     async fn malformed_requests_are_answered_or_closed() {
         let router = Router::new().route("/", get(|| async { "well" }));

@@ -1,9 +1,10 @@
-//! The inertial sensor beside the antennas: its samples and the epochs in the order of their times, as
-//! `kurs fuse` has them, as far as waiting for either is worth it.
+//! The inertial sensor beside the antennas: its samples and the epochs in the order of their times,
+//! as `kurs fuse` has them, as far as waiting for either is worth it.
 //!
-//! A sample goes to the filter when no epoch before it can come any more: soon after an epoch, because
-//! the next one is an interval away; or when that is overdue. An epoch goes when the sample after it is
-//! there, or late. Which of both waits for the other never changes a row, only when it leaves.
+//! A sample goes to the filter when no epoch before it can come any more: soon after an epoch,
+//! because the next one is an interval away; or when that is overdue. An epoch goes when the sample
+//! after it is there, or late. Which of both waits for the other never changes a row, only when it
+//! leaves.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -22,27 +23,30 @@ use kurs::time::GpsTime;
 use crate::intake::Intake;
 use crate::setup::Times;
 
-/// Samples of a log that is read as fast as possible that may wait for the antennas: 4 s of 1000 Hz.
+/// Samples of a log that is read as fast as possible that may wait for the antennas: 4 s of 1000
+/// Hz.
 pub(crate) const MAX_AHEAD: usize = 4096;
 /// Samples of a stream that may wait for the first epoch; more are let go.
 const MAX_WAITING: usize = 65_536;
 /// An epoch comes no earlier than this share of an interval before it is expected.
 const EARLY: f64 = 0.25;
-/// The next epoch is overdue when it is later than the latest ones by this factor, and the deadline.
+/// The next epoch is overdue when it is later than the latest ones by this factor, and the
+/// deadline.
 const LATER_THAN_USUAL: f64 = 1.5;
-/// How much the largest latency counts after every epoch.
+/// Share of the largest latency that is left after every epoch.
 const REMEMBERED: f64 = 0.99;
 /// The deadline of antennas is half an interval, at most this, s.
 pub(crate) const MAX_USUAL_DEADLINE_S: f64 = 0.1;
-/// An epoch so far before the last one is no late one: the antennas' time was set back, s.
+/// An epoch this much before the last one, s, is not a late one: the time of the antennas was set
+/// back.
 const SET_BACK_S: f64 = 1.0;
 /// A sample this much after the one before, s, is doubted until another one follows it.
 const DOUBTED_STEP_S: f64 = 1.0;
 
 /// Lines of a sensor to samples.
 pub trait SampleLines: Send {
-    /// GPS second of week and sample of a line; `None` for a header or a comment. The error says what is
-    /// wrong with it.
+    /// GPS second of week and sample of a line; `None` for a header or a comment. The error says
+    /// what is wrong with it.
     ///
     /// # Errors
     ///
@@ -69,7 +73,7 @@ pub(crate) struct Carrier {
     imu: Imu,
     feed: AttitudeFeed,
     deadline: Deadline,
-    /// Its log is read as fast as possible: it waits for the antennas.
+    /// Its log is read as fast as possible, and waits for the antennas.
     is_unpaced: bool,
     intake: Intake,
     /// Samples that came and whose permits are not given back.
@@ -85,14 +89,14 @@ pub(crate) struct Carrier {
     last_epoch: Option<GpsTime>,
     /// How many intervals after it the next epoch is expected.
     expected: f64,
-    /// From the sample of an epoch's time to the epoch, the largest of late, s.
+    /// Largest recent delay of an epoch behind the sample of its time, s.
     latency_s: f64,
     /// The epoch that waits for the sample after it, and since when.
     awaiting: Option<(GpsTime, Instant)>,
-    /// Its samples do not come, or too late: nobody waits for them.
+    /// Its samples do not come, or come too late, and are not waited for.
     is_silent: bool,
     has_left: bool,
-    /// What it told of last: samples that came too late.
+    /// How many samples had come too late when that was last reported.
     told_too_late: usize,
     /// Rows that the filter did not take.
     passed_by: VecDeque<EpochSolution>,
@@ -132,7 +136,7 @@ impl Carrier {
         self.arrivals.push_back((tow_s, arrived));
         let is_far = |before_s: f64| tow_s - before_s > DOUBTED_STEP_S;
         if let Some((doubted_s, doubted)) = self.doubted.take() {
-            // Nobody confirms one that the next one goes back from.
+            // A sample is not confirmed if the next one is before it.
             if tow_s >= doubted_s {
                 self.feed.push_sample(doubted_s, doubted);
                 self.last_tow_s = Some(doubted_s);
@@ -192,8 +196,8 @@ impl Carrier {
         self.is_silent
     }
 
-    /// When [`Self::is_ready`] or, without a complete epoch, [`Self::advance`] may say something else though
-    /// nothing comes.
+    /// When [`Self::is_ready`] or, without a complete epoch, [`Self::advance`] may come to another
+    /// result though nothing has arrived.
     pub(crate) fn due(&self, has_complete: bool) -> Option<Instant> {
         match self.awaiting {
             Some((_, since)) => (!self.is_unpaced).then(|| since + self.deadline()),
@@ -202,7 +206,8 @@ impl Carrier {
         }
     }
 
-    /// Solves an epoch with what the filter predicts for it; the row is to be given to [`Self::take`].
+    /// Solves an epoch with what the filter predicts for it; the row is to be given to
+    /// [`Self::take`].
     pub(crate) fn solve(&mut self, epoch: &ArrayEpoch, engine: &mut Differential) -> EpochSolution {
         if self.last_epoch.is_some_and(|last| last - epoch.time > SET_BACK_S) {
             tracing::warn!("the time of the antennas was set back: the filter begins anew");
@@ -285,7 +290,7 @@ impl Carrier {
         }
     }
 
-    /// Of an epoch: when its bytes came; of a row between epochs: when the sample after it came.
+    /// When the bytes of an epoch came, or for a row between epochs the sample after it.
     fn times(&mut self, time: GpsTime) -> Times {
         let now = (Instant::now(), SystemTime::now());
         if let Some(place) = self.under_way.iter().position(|(at, _)| *at == time) {
@@ -321,7 +326,7 @@ impl Carrier {
             .map_or(0.0, |interval_s| (self.expected - EARLY) * interval_s)
     }
 
-    /// When the next epoch is given up.
+    /// When the next epoch is no longer waited for.
     fn overdue_at(&self) -> Option<Instant> {
         if self.is_unpaced {
             return None;

@@ -1,4 +1,5 @@
-//! What the service keeps of every source of bytes: what is shown of it, and how far it may run ahead.
+//! What the service keeps of every source of bytes: what is shown of it, and how far it may run
+//! ahead.
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
@@ -28,7 +29,7 @@ impl Permits {
         *out.unwrap_or_else(PoisonError::into_inner) += 1;
     }
 
-    /// So many are done with.
+    /// Gives `count` of them back.
     pub(crate) fn release(&self, count: usize) {
         let mut out = lock(&self.out);
         *out = out.saturating_sub(count);

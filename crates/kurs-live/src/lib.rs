@@ -7,15 +7,16 @@
 //!                                              └► page
 //! ```
 //!
-//! Lines of an inertial sensor join the epochs in front of the engine, those of other bodies the rows behind it.
+//! Lines of an inertial sensor join the epochs in front of the engine, those of other bodies the
+//! rows behind it.
 //!
-//! Connections and outputs are tasks of one small runtime; every decoder, the engine and the files have a
-//! thread of their own. Everything between them is bounded: a receiver that is ahead of the others waits,
-//! a client that does not read is dropped. The rows are those of `kurs solve` with
+//! Connections and outputs are tasks of one small runtime; every decoder, the engine and the files
+//! have a thread of their own. Everything between them is bounded: a receiver that is ahead of the
+//! others waits, a client that does not read is dropped. The rows are those of `kurs solve` with
 //! `[nav] as_received = true` on the same bytes.
 //!
-//! What is particular to a program comes in as functions: how an engine is made, how a row is written to
-//! a file or put into a message ([`Setup`]).
+//! What is particular to a program comes in as functions: how an engine is made, how a row is
+//! written to a file or put into a message ([`Setup`]).
 #![forbid(unsafe_code)]
 
 mod access;

@@ -4,7 +4,7 @@ use tokio::sync::mpsc;
 
 use crate::decoder::Chunk;
 
-/// A longer line is none of ours: a row of all columns has less than 2 kB.
+/// Longest line, bytes: a row of all columns has less than 2 kB.
 const LONGEST: usize = 16 * 1024;
 
 /// Whom the lines of a stream are for.
@@ -27,8 +27,8 @@ impl Lines {
     }
 }
 
-/// Gives every line with the chunk that ends it, `None` in place of one that is too long or no text, until
-/// the chunks end or nothing takes the lines any more.
+/// Gives every line with the chunk that ends it, `None` in place of one that is too long or no
+/// text, until the chunks end or nothing takes the lines any more.
 pub(crate) fn read(
     mut chunks: mpsc::Receiver<Chunk>,
     mut give: impl FnMut(Option<&str>, &Chunk) -> bool,

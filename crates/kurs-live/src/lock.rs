@@ -1,4 +1,5 @@
-//! Locks that a thread which panicked does not take with it: what they guard is of use as it was left.
+//! Locks that a thread which panicked does not take with it: what they guard is of use as it was
+//! left.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

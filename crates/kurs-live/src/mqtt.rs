@@ -1,5 +1,5 @@
-//! Topics of an MQTT broker (version 3.1.1): one row is one message, of quality 0, not retained. An attitude
-//! that a broker kept would be one of the past.
+//! Topics of an MQTT broker (version 3.1.1): one row is one message, of quality 0, not retained. An
+//! attitude that a broker kept would be one of the past.
 
 use core::pin::pin;
 use std::io;
@@ -27,7 +27,7 @@ use crate::trouble::Trouble;
 const KEEP_ALIVE: Duration = Duration::from_secs(5);
 /// Messages between an output and its connection; more is only late.
 const QUEUE: usize = 8;
-/// Longer messages, bytes, are none: a row has less than two thousand.
+/// Longest message, bytes: a row has less than two thousand.
 const MAX_MESSAGE: usize = 64 * 1024;
 
 /// The topic's messages as lines.
@@ -72,7 +72,8 @@ async fn subscribed(events: &mut EventLoop) -> io::Result<()> {
     }
 }
 
-/// Sends messages to the topic until the service stops; what comes while there is no connection is gone.
+/// Sends messages to the topic until the service stops; what comes while there is no connection is
+/// gone.
 pub(crate) async fn publish(
     topic: &Mqtt,
     receiver: broadcast::Receiver<Message>,

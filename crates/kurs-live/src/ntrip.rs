@@ -1,8 +1,8 @@
 //! NTRIP client, versions 1 and 2, plain or over TLS.
 //!
-//! Version 2 is asked for; a caster that closes the connection on that is asked in version 1 the next
-//! time. The answer may be `ICY 200 OK` (version 1, no body framing) or an HTTP status with or without
-//! chunks.
+//! Version 2 is asked for; a caster that closes the connection on that is asked in version 1 the
+//! next time. The answer may be `ICY 200 OK` (version 1, no body framing) or an HTTP status with or
+//! without chunks.
 
 use std::io;
 use std::sync::Arc;
@@ -326,7 +326,8 @@ mod tests {
         assert!(body(&endless).is_ok(), "no more than the first lines are kept");
     }
 
-    /// Bytes of an answer changed, left out and doubled at random: something is made of all of them.
+    /// Bytes of an answer changed, left out and doubled at random: something is made of all of
+    /// them.
     #[test]
     fn mutated_answers_are_answers() {
         let answer = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n3\r\nstr\r\n3;x\r\neam\r\n0\r\n\r\n";

@@ -1,5 +1,5 @@
-//! Everything that a row goes to: outputs, page, other bodies' view of this one, files; and what connections
-//! that are yet to be made are told of it.
+//! Everything that a row goes to: outputs, page, other bodies' view of this one, files; and what
+//! connections that are yet to be made will know of it.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -19,8 +19,8 @@ use crate::peer::{PeerLine, Peers};
 use crate::setup::{Gga, Times};
 use crate::status::Status;
 
-/// A consumer drops an attitude that is older than this (ArduPilot: 300 ms to 400 ms); counted from the
-/// first byte of the epoch.
+/// A consumer drops an attitude that is older than this (ArduPilot: 300 ms to 400 ms); counted from
+/// the first byte of the epoch.
 pub(crate) const EXPIRES: Duration = Duration::from_millis(300);
 
 /// See the module.
@@ -47,7 +47,7 @@ impl Outlets {
     pub(crate) fn send(&mut self, row: EpochSolution, times: &Times) {
         self.status.note_row(&row, times);
         self.tell_connections(&row);
-        // Of every row, though an output may not have every row.
+        // Rates need every row, though an output may not get every one.
         let rates = self.turn_rate.push(&row);
         let expires = (!self.once).then(|| times.first_byte + EXPIRES);
         self.send_messages(&row, &rates, times, expires);

@@ -1,5 +1,5 @@
-//! Where messages go: TCP as server and client, UDP, serial, a bus. A receiver that does not read is left
-//! behind or dropped; nothing waits for it, and nothing gathers.
+//! Where messages go: TCP as server and client, UDP, serial, a bus. A receiver that does not read
+//! is left behind or dropped; nothing waits for it, and nothing gathers.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -34,8 +34,8 @@ const MAX_CLIENTS: u64 = 256;
 /// Rates are kept on a grid with this tolerance, s: time tags are off by a millisecond.
 const RATE_TOLERANCE_S: f64 = 0.002;
 
-/// Makes the bytes of a message from a row and the rates of its angles; nothing where the profile has
-/// nothing to say.
+/// Makes the bytes of a message from a row and the rates of its angles; `None` where the profile
+/// has nothing to say.
 pub type Encode = Arc<dyn Fn(&EpochSolution, &AngleRates, &Times) -> Option<Vec<u8>> + Send + Sync>;
 
 /// What the other end of a connection hears besides messages.
@@ -62,7 +62,7 @@ pub struct Output {
     pub partner: Partner,
 }
 
-/// So many messages in a row that were too old are no hiccup of the machine.
+/// From this many messages in a row that were too old it is not a hiccup of the machine.
 const MANY_EXPIRED: u32 = 5;
 
 /// A message on its way.
@@ -231,13 +231,13 @@ enum Ended {
     Broken(String),
 }
 
-/// What the end of what the other one says means.
+/// What a closed reading side means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum AtEnd {
     /// It is gone: the connection is made again.
     Close,
-    /// It may have nothing more to say and still listen (`nc HOST PORT </dev/null`): one that is gone is noticed when
-    /// writing fails.
+    /// It may have nothing more to say and still listen (`nc HOST PORT </dev/null`): one that is
+    /// gone is noticed when writing fails.
     GoOn,
 }
 
@@ -351,7 +351,7 @@ async fn send_datagrams(
             status.expired.fetch_add(1, Relaxed);
             continue;
         }
-        // Nobody there is no error: the next datagram may find someone.
+        // It is not an error if nobody is there: the next datagram may find someone.
         match send_datagram(&mut target, at, &message.bytes).await {
             Ok(()) => way.end(),
             Err(error) => {
@@ -396,8 +396,8 @@ async fn first_address(at: &str) -> std::io::Result<SocketAddr> {
 mod tests {
     use super::*;
 
-    /// Ten messages a second of a receiver with 20 Hz whose tags are off by less than a millisecond, with
-    /// a gap.
+    /// Ten messages a second of a receiver with 20 Hz whose tags are off by less than a
+    /// millisecond, with a gap.
     #[test]
     fn a_rate_is_kept_on_a_grid() {
         let (sender, _) = broadcast::channel(1);
@@ -448,7 +448,8 @@ mod tests {
         assert!(matches!(talking.await.unwrap(), Ended::Broken(_) | Ended::Closed));
     }
 
-    /// To IPv6 and to a whole network (that of the loopback); what the system refuses is counted and told.
+    /// To IPv6 and to a whole network (that of the loopback); what the system refuses is counted
+    /// and told.
     #[tokio::test]
     async fn datagrams_reach_every_kind_of_address() {
         for (listen, host) in [("[::1]:0", "[::1]"), ("0.0.0.0:0", "127.255.255.255")] {

@@ -1,7 +1,8 @@
 //! Other bodies: their JSON lines in, what each of them is as seen from this one out.
 //!
-//! A row of this body waits for those of the others of the same time, as far as they are due and for half an interval at
-//! most: attitudes of one time are laid against each other as they are, others have to be carried by rates of turn.
+//! A row of this body waits for those of the others of the same time, as far as they are due and
+//! for half an interval at most: attitudes of one time are laid against each other as they are,
+//! others have to be carried by rates of turn.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -19,15 +20,15 @@ use crate::relative::{BodyState, Relative, RelativeSettings, relative};
 
 /// Rows of a peer that are kept to find the one nearest in time: three seconds at 20 Hz.
 const KEPT: usize = 64;
-/// Faster turns, °/s, and speeds are none: a top turns slower, a satellite is slower.
+/// Faster turns, °/s, and speeds are errors: a top turns slower, a satellite is slower.
 const MAX_RATE_DEGPS: f64 = 10_000.0;
 const MAX_SPEED_MPS: f64 = 10_000.0;
-/// Weeks after this, in the year 2171, are none.
+/// Weeks after this, in the year 2171, are errors.
 const MAX_WEEK: i32 = 10_000;
 /// Two times of one epoch differ by less, s.
 const ONE_EPOCH_S: f64 = 1e-6;
-/// Rows of two bodies belong together if their times differ by less than this share of an interval: clocks of receivers are
-/// off by milliseconds.
+/// Rows of two bodies belong together if their times differ by less than this share of an interval:
+/// clocks of receivers are off by milliseconds.
 const TOGETHER: f64 = 0.25;
 
 /// The bodies to be seen from this one.
@@ -36,7 +37,7 @@ pub struct PeerSetup {
     pub body: String,
     /// Names of the others, in the order of their numbers.
     pub names: Vec<String>,
-    /// An attitude older than this, s, is none.
+    /// An attitude older than this, s, is not used.
     pub max_age_s: f64,
     /// What counts as known.
     pub settings: RelativeSettings,
@@ -60,7 +61,8 @@ pub struct RelativeRow {
     pub peer: String,
     /// `None` where one of them has no attitude.
     pub relative: Option<Relative>,
-    /// How old the attitude of this body in it is, s; and that of the other, below zero where it is ahead.
+    /// How old the attitude of this body in it is, s; and that of the other, below zero where it is
+    /// ahead.
     pub ages_s: [Option<f64>; 2],
     /// Fixed if both are, float if one is; otherwise lost.
     pub status: Status,
@@ -189,7 +191,7 @@ pub fn body_state(line: &str) -> Result<BodyState, String> {
 #[derive(Debug, Default)]
 struct Peer {
     name: String,
-    /// In the order in which they came; those with a heading.
+    /// Those with a heading, in the order in which they came.
     kept: VecDeque<BodyState>,
     /// What came last, and when.
     newest: Option<(GpsTime, String, Instant)>,
@@ -200,11 +202,11 @@ struct Peer {
 /// A row of this body that waits for those of the others.
 struct Waiting {
     time: GpsTime,
-    /// Its last attitude then, unless it is too old.
+    /// The last attitude of this body at that time, unless it is too old.
     own: Option<BodyState>,
     /// Why it is not fixed.
     reason: &'static str,
-    /// The messages of it may not leave later.
+    /// Its messages may not leave later.
     expires: Option<Instant>,
     /// It waits no longer.
     due: Instant,
@@ -217,7 +219,7 @@ pub(crate) struct Peers {
     sinks: Vec<Sink>,
     /// The last attitude of this body.
     own: Option<BodyState>,
-    /// In their order.
+    /// Its rows that wait, in their order.
     waiting: VecDeque<Waiting>,
 }
 
@@ -298,7 +300,7 @@ impl Peers {
         let age_s = |state: &&BodyState| (time - state.time).abs();
         let nearest = peer.kept.iter().min_by(|a, b| age_s(a).total_cmp(&age_s(b)));
         let other = nearest.filter(|state| self.is_young(time - state.time));
-        // One that is too old for any angle to be certain is none.
+        // An attitude too old for any angle to be certain is not used.
         let found = own
             .zip(other)
             .and_then(|(own, other)| relative(own, other, time, self.setup.settings))

@@ -1,4 +1,5 @@
-//! What leaves by an output: one word for everything that a kind of reader wants, and wants left out.
+//! What leaves by an output: one word for everything that a kind of reader wants, and wants left
+//! out.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
@@ -107,8 +108,9 @@ impl Profile {
         }
     }
 
-    /// The vector that an emulated receiver measures: from the first antenna to the one farthest from it, seen
-    /// from above, that the autopilot accepts. `None` for profiles that say the direction of the body.
+    /// The vector that an emulated receiver measures: from the first antenna to the one farthest
+    /// from it, seen from above, that the autopilot accepts. `None` for profiles that say the
+    /// direction of the body.
     ///
     /// # Errors
     ///
@@ -138,7 +140,8 @@ impl Profile {
         })
     }
 
-    /// The encoder. `line` is the one that an emulated receiver measures; without it such a receiver is silent.
+    /// The encoder. `line` is the one that an emulated receiver measures; without it such a
+    /// receiver is silent.
     #[must_use]
     pub fn encode(self, line: Option<AntennaLine>, float: bool, predicted: bool) -> Encode {
         match self {

@@ -1,6 +1,6 @@
-//! The raw log: every byte of a stream as it came, and when. `NAME-TIME.raw` has the bytes and nothing
-//! else, so that `kurs solve` reads it as any log; `NAME-TIME.raw.marks` has a line for every piece:
-//! the offset behind it and its arrival in nanoseconds of Unix time.
+//! The raw log: every byte of a stream as it came, and when. `NAME-TIME.raw` has the bytes and
+//! nothing else, so that `kurs solve` reads it as any log; `NAME-TIME.raw.marks` has a line for
+//! every piece: the offset behind it and its arrival in nanoseconds of Unix time.
 
 use std::fs::File;
 use std::io::{self, Write as _};

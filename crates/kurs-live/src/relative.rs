@@ -1,7 +1,8 @@
 //! The attitude and place of another body as seen from this one.
 //!
-//! Both attitudes are brought to the time of this body's row by their rates of turn, with what these are
-//! uncertain by; then `R = R₁ᵀ R₂` ([`relative_orientation`]), in one frame of local level axes.
+//! Both attitudes are brought to the time of this body's row by their rates of turn, with what
+//! these are uncertain by; then `R = R₁ᵀ R₂` ([`relative_orientation`]), in one frame of local
+//! level axes.
 
 use kurs::attitude::angles::{angle_covariance, angles_from_rotation_vector, relative_orientation};
 use kurs::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector, enu_from_ned};
@@ -12,12 +13,13 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Turn of a body whose rates are not known, 1 σ, rad/s: few vehicles turn by 60° in a second.
 const UNKNOWN_RATE_RADPS: f64 = 20.0 * core::f64::consts::PI / 180.0;
-/// How much a rate may change meanwhile, 1 σ, rad/s²: a car that begins a tight turn gains 20°/s in a second.
+/// How much a rate may change meanwhile, 1 σ, rad/s²: a car that begins a tight turn gains 20°/s in
+/// a second.
 const RATE_CHANGE_RADPS2: f64 = 10.0 * core::f64::consts::PI / 180.0;
-/// A rate comes from this attitude and the one before, which are as uncertain as each other: the errors of
-/// angle and rate are correlated by `1/√2`.
+/// A rate comes from this attitude and the one before, which are as uncertain as each other: the
+/// errors of angle and rate are correlated by `1/√2`.
 const ANGLE_RATE_CORRELATION: f64 = core::f64::consts::FRAC_1_SQRT_2;
-/// Times closer than this, s, are one: steered receivers differ by less.
+/// Times closer than this, s, count as equal: steered receivers differ by less.
 const ONE_TIME_S: f64 = 1e-6;
 
 /// What is known of a body at one time.
@@ -49,7 +51,8 @@ pub struct RelativeSettings {
 /// Another body as seen from this one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relative {
-    /// Heading, pitch, roll of the other body in the axes of this one, rad; `None` where not certain enough.
+    /// Heading, pitch, roll of the other body in the axes of this one, rad; `None` where not
+    /// certain enough.
     pub angles_rad: [Option<f64>; 3],
     /// Their covariance, rad².
     pub covariance_rad2: Matrix3<f64>,
@@ -93,7 +96,8 @@ pub fn relative(
 }
 
 impl BodyState {
-    /// The whole attitude at another time, with the covariance of the rotation vector in body axes, rad².
+    /// The whole attitude at another time, with the covariance of the rotation vector in body axes,
+    /// rad².
     fn attitude_at(
         &self,
         time: GpsTime,
@@ -199,7 +203,8 @@ mod tests {
         assert!(north_m > 0.0 && up_m < 0.0, "{north_m}, {up_m}");
     }
 
-    /// What the antennas of one of them do not see stays empty; without a rate a second is too long.
+    /// What the antennas of one of them do not see stays empty; without a rate a second is too
+    /// long.
     #[test]
     fn what_is_not_known_stays_empty() {
         let own = body(1.0, [90.0, 0.0, 0.0], 0.0);

@@ -58,8 +58,8 @@ fn refused(what: impl Into<String>) -> impl FnOnce(io::Error) -> ServiceError {
     move |error| ServiceError::Io { what, error }
 }
 
-/// Runs the service until SIGINT or SIGTERM, or (once) until every stream has ended. `reload` reads the
-/// configuration again, on SIGHUP.
+/// Runs the service until SIGINT or SIGTERM, or (once) until every stream has ended. `reload` reads
+/// the configuration again, on SIGHUP.
 ///
 /// # Errors
 ///
@@ -241,7 +241,8 @@ fn are_unpaced(inputs: &[Input], is_of_kind: impl Fn(&Input) -> bool) -> bool {
     of_kind.all(|input| input.address.is_unpaced_file())
 }
 
-/// Obeys signals and the page until the engine's thread ends, by itself or because a signal says so.
+/// Obeys signals and the page until the engine's thread ends, by itself or because a signal says
+/// so.
 async fn run_until_stopped(
     inputs: &mut Inputs,
     solving: &mut JoinHandle<()>,

@@ -1,4 +1,5 @@
-//! What a program gives the service: its parts, and functions for what is particular to the program.
+//! What a program gives the service: its parts, and functions for what is particular to the
+//! program.
 
 use std::path::PathBuf;
 use std::time::{Instant, SystemTime};

@@ -155,7 +155,7 @@ impl Solver {
         complete.into_iter().for_each(|epoch| self.complete(epoch));
     }
 
-    /// An epoch is late by what it is older than the newest one, and by the time that has passed since that.
+    /// An epoch is late by its age against the newest one, and by the time since that one came.
     fn note_lateness(&mut self, antenna: usize, time: GpsTime, is_late: bool) {
         /// Older "newest" epochs are forgotten, in case a clock was set back.
         const FORGOTTEN: Duration = Duration::from_secs(5);
@@ -175,7 +175,7 @@ impl Solver {
         let number = self.antennas.len();
         self.received.hold(number, decoded.epoch.time, decoded.news);
         if let Some(place_m) = self.station_place.take(decoded.place_m) {
-            // What waits was observed at another place.
+            // The waiting epochs were observed at another place.
             self.station.forget();
             self.put_station(place_m);
         }

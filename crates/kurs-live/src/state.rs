@@ -1,6 +1,6 @@
 //! What a restart should know: ephemerides (`ephemerides.rnx`), and time and place of the last row
-//! (`last.txt`). Written under another name and renamed, so that a file is whole or not there, by a thread of
-//! its own: a disk that stalls delays no row.
+//! (`last.txt`). Written under another name and renamed, so that a file is whole or not there, by a
+//! thread of its own: a disk that stalls delays no row.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,10 +20,10 @@ use kurs_formats::source::Source;
 
 const EPHEMERIDES: &str = "ephemerides.rnx";
 const LAST: &str = "last.txt";
-/// What only grows older is written so often.
+/// Interval between writes when there is nothing new but the time and place of the last row.
 const INTERVAL: Duration = Duration::from_secs(60);
-/// What a run that is killed would have to wait for, so often at most: a receiver says a new ephemeris again
-/// after 30 s, and has those of all its satellites at once when it connects.
+/// Least interval between writes of what a restart would have to wait for: a receiver repeats a new
+/// ephemeris only after 30 s, and sends those of all its satellites at once when it connects.
 const NEWS_INTERVAL: Duration = Duration::from_secs(1);
 
 /// What will be in the files, and when they were written.
@@ -84,7 +84,7 @@ impl StateFiles {
         }
     }
 
-    /// Writes what has changed when it is time to; what finds the disk busy is written later.
+    /// Writes what has changed when it is time to; if the disk is busy, later.
     pub(crate) fn save(&mut self, navigation: &NavigationData) {
         let interval = if self.has_news { NEWS_INTERVAL } else { INTERVAL };
         if self.saved.elapsed() >= interval {
@@ -102,7 +102,7 @@ impl StateFiles {
     }
 }
 
-/// A disk that is full is told of, and nothing more.
+/// A full disk is reported in the log, and nothing more.
 fn write_all(directory: &Path, snapshots: &Receiver<Snapshot>) {
     let mut written = NavigationData::default();
     for snapshot in snapshots {

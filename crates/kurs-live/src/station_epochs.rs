@@ -44,7 +44,7 @@ impl StationEpochs {
         self.has_left = true;
     }
 
-    /// None of those that wait serves any more.
+    /// Forgets those that wait.
     pub(crate) fn forget(&mut self) {
         if self.is_awaited {
             self.permits.release(self.waiting.len());

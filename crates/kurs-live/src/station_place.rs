@@ -1,5 +1,6 @@
-//! Where the fixed station is: as it says itself (1005 and 1006 of RTCM 3), or as the configuration says, which it must not
-//! contradict. A virtual station chooses its place, and may choose another one at any time.
+//! Where the fixed station is: as it says itself (1005 and 1006 of RTCM 3), or as the configuration
+//! says, which it must not contradict. A virtual station chooses its place, and may choose another
+//! one at any time.
 
 use std::sync::Arc;
 
@@ -7,9 +8,10 @@ use kurs::frames::{Ecef, Vector};
 
 use crate::status::StreamStatus;
 
-/// How far what is configured may be from what is stated, m. The frames that stations are given in differ by some two
-/// metres (NAD 83 and GDA94 from ITRF), a phase centre from its reference point by less; a height above the sea in place
-/// of one above the ellipsoid is tens of metres off, another station kilometres.
+/// How far what is configured may be from what is stated, m. The frames that stations are given in
+/// differ by some two metres (NAD 83 and GDA94 from ITRF), a phase centre from its reference point
+/// by less; a height above the sea in place of one above the ellipsoid is tens of metres off,
+/// another station kilometres.
 const MAX_DIFFERENCE_M: f64 = 20.0;
 /// A station that has moved by less, m, has not: 1005 has tenths of millimetres.
 const MIN_MOVED_M: f64 = 0.001;
@@ -34,7 +36,8 @@ impl StationPlace {
 
     /// Takes what was stated before an epoch. `Some` is a place to which the station has to be put.
     pub(crate) fn take(&mut self, stated_m: Option<Vector<Ecef>>) -> Option<Vector<Ecef>> {
-        // The next connection may be one to another virtual station; a contradiction stands until it is taken back.
+        // The next connection may be one to another virtual station; a contradiction stands until
+        // it is taken back.
         if core::mem::take(&mut self.has_left) && self.configured_m.is_none() {
             self.stated_m = None;
         }
@@ -54,7 +57,8 @@ impl StationPlace {
         self.has_left = true;
     }
 
-    /// The configuration was read again. `Some` is a place to which the station of the new engine has to be put.
+    /// The configuration was read again. `Some` is a place to which the station of the new engine
+    /// has to be put.
     pub(crate) fn replace(&mut self, configured_m: Option<Vector<Ecef>>) -> Option<Vector<Ecef>> {
         self.configured_m = configured_m;
         self.put_m = self.stated_m.filter(|_| configured_m.is_none());

@@ -1,12 +1,12 @@
-//! What goes wrong over and over is told of once: when it begins, when it becomes another one, as a slow reminder while it lasts,
-//! and when it is over.
+//! What goes wrong over and over is reported when it begins, when something else goes wrong, in
+//! slow reminders while it lasts, and when it is over.
 
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use crate::lock::lock;
 
-/// What lasts, or comes back, is told of again after so long.
+/// What lasts, or comes back, is reported again after this time.
 const REMINDER: Duration = Duration::from_secs(600);
 
 /// What may be wrong with one thing.

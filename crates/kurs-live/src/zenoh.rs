@@ -1,5 +1,5 @@
-//! Keys of a Zenoh network, through a router or a peer that listens: one row is one message, which is dropped
-//! where the way is congested. An attitude that waited would be one of the past.
+//! Keys of a Zenoh network, through a router or a peer that listens: one row is one message, which
+//! is dropped where the way is congested. An attitude that waited would be one of the past.
 
 use core::pin::pin;
 use std::io;
@@ -27,7 +27,7 @@ use crate::trouble::Trouble;
 const LEASE_MS: u64 = 5000;
 /// How often it is looked whether somebody is connected.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
-/// Longer messages, bytes, are none: a row has less than two thousand.
+/// Longest message, bytes: a row has less than two thousand.
 const MAX_MESSAGE: usize = 64 * 1024;
 
 /// The key's messages as lines.
@@ -182,7 +182,8 @@ mod tests {
         zenoh::open(config).await.unwrap()
     }
 
-    /// The next line, of a sender that repeats it: the first ones may be sent before anybody hears them.
+    /// The next line, of a sender that repeats it: the first ones may be sent before anybody hears
+    /// them.
     async fn heard(
         subscription: &mut Subscription,
         sender: &broadcast::Sender<Message>,

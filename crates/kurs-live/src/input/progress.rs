@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 /// A connection that brings nothing for so long is taken for dead.
 const DATA_TIMEOUT: Duration = Duration::from_secs(30);
-/// Bytes without any epoch for so long are those of a decoder that is stuck or of a wrong baud rate.
+/// Bytes without any epoch for so long are those of a decoder that is stuck or of a wrong baud
+/// rate.
 const EPOCH_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Whether bytes come, and epochs.

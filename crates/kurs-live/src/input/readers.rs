@@ -1,5 +1,5 @@
-//! What reads the bytes of a connection: a decoder for every antenna, or what reads lines; each in a thread
-//! of its own.
+//! What reads the bytes of a connection: a decoder for every antenna, or what reads lines; each in
+//! a thread of its own.
 
 use std::sync::{Arc, mpsc::Sender};
 use std::time::{Instant, SystemTime};

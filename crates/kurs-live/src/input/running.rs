@@ -111,8 +111,8 @@ impl Running {
         }
     }
 
-    /// Serves one connection after the other; a new one takes the place of the old, whose peer may be
-    /// gone without a word.
+    /// Serves one connection after the other; a new one takes the place of the old, whose peer may
+    /// be gone without a word.
     async fn listen(&mut self, at: &str) {
         let mut back_off = BackOff::of_own();
         let listener = self.bind(at, &mut back_off).await;

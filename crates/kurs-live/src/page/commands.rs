@@ -1,4 +1,5 @@
-//! What those who have the token may do: mark a time, restart a stream, take its last raw log with them.
+//! What those who have the token may do: mark a time, restart a stream, take its last raw log with
+//! them.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

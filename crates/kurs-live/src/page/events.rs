@@ -1,5 +1,5 @@
-//! What happened: times without heading, streams that failed, interference, marks. Each has a beginning and,
-//! once it is over, a length.
+//! What happened: times without heading, streams that failed, interference, marks. Each has a
+//! beginning and, once it is over, a length.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -1,7 +1,8 @@
-//! What a page is sent, as server-sent events: first what was before, then rows as they come, at most twenty
-//! a second, and the state once a second.
+//! What a page is sent, as server-sent events: first what was before, then rows as they come, at
+//! most twenty a second, and the state once a second.
 //!
-//! Nothing waits in the service for a client: when it is ready for more, it gets the newest of each kind.
+//! Nothing waits in the service for a client: when it is ready for more, it gets the newest of each
+//! kind.
 
 use std::collections::VecDeque;
 use std::convert::Infallible;

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 /// How much is kept, s.
 const SPAN_S: f64 = 600.0;
-/// One point for so long, s: 1200 of them are as many as a wide screen has columns for. The script of the
-/// page thins by the same rule.
+/// One point for so long, s: 1200 of them are as many as a wide screen has columns for. The script
+/// of the page thins by the same rule.
 const STEP_S: f64 = 0.5;
 
 /// Seconds of GPS time.
@@ -74,8 +74,8 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Takes a row: the last one of its step counts, but one without heading stays, so that a gap is seen
-    /// however short it is.
+    /// Takes a row: the last one of its step counts, but one without heading stays, so that a gap
+    /// is seen however short it is.
     pub(super) fn push(&mut self, row: &EpochSolution) {
         let point = Point::of(row);
         match self.points.back_mut() {

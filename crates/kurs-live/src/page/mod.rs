@@ -1,4 +1,5 @@
-//! The page: what the service does, for people. Its files are in the program; nothing is fetched from outside.
+//! The page: what the service does, for people. Its files are in the program; nothing is fetched
+//! from outside.
 //!
 //! | path | what it is |
 //! |---|---|
@@ -129,8 +130,8 @@ impl Hub {
         Ok((hub, bound))
     }
 
-    /// Looks at an epoch and what the antennas alone make of it; on the engine's thread, so nothing here waits
-    /// for a client.
+    /// Looks at an epoch and what the antennas alone make of it; on the engine's thread, so nothing
+    /// here waits for a client.
     pub(crate) fn see(&self, epoch: &ArrayEpoch, row: &EpochSolution) {
         let mut view = lock(&self.view);
         if view.1.is_none_or(|taken| taken.elapsed() >= STATE_INTERVAL) {

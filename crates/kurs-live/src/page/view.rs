@@ -135,7 +135,8 @@ mod tests {
     use kurs::time::GpsTime;
     use nalgebra::Matrix3;
 
-    /// Heading 90°: the second antenna, two metres east and one south of the first, is ahead and to the right.
+    /// Heading 90°: the second antenna, two metres east and one south of the first, is ahead and to
+    /// the right.
     #[test]
     fn antennas_are_seen_from_above_and_satellites_by_antenna() {
         let time = GpsTime::from_week_tow(2300, 0.0).unwrap();

@@ -28,7 +28,8 @@ impl Histogram {
         self.sum_us.fetch_add(u64::try_from(latency.as_micros()).unwrap_or(u64::MAX), Relaxed);
     }
 
-    /// Bounds of the classes below which these shares are; `None` without any, or beyond the last class.
+    /// Bounds of the classes below which these shares are; `None` without any, or beyond the last
+    /// class.
     pub(crate) fn quantiles_ms<const N: usize>(&self, shares: [f64; N]) -> [Option<f64>; N] {
         let count = self.count.load(Relaxed) as f64;
         shares.map(|share| {

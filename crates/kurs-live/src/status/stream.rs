@@ -17,7 +17,7 @@ use crate::trouble::Trouble;
 
 /// A stream is silent after this many of its intervals without an epoch …
 const SILENT_INTERVALS: f64 = 3.0;
-/// … but not before so many seconds, so that one scheduling hiccup at 100 Hz is no alarm.
+/// … but not before so many seconds, so that one scheduling hiccup at 100 Hz raises no alarm.
 const MIN_SILENT_S: f64 = 0.5;
 /// While its interval is not known, and before its first epoch, s.
 const UNKNOWN_SILENT_S: f64 = 5.0;
@@ -27,7 +27,8 @@ const GAP_INTERVALS: f64 = 1.5;
 const MAX_INTERVAL_S: f64 = 100.0;
 /// A line that carries more than this has no room for a longer epoch.
 const HIGH_LOAD: f64 = 0.9;
-/// An antenna is late when so many of its epochs in a row miss their rows: single ones are hiccups of a network.
+/// An antenna is late when so many of its epochs in a row miss their rows: single ones are hiccups
+/// of a network.
 const LATE_IN_A_ROW: u32 = 5;
 /// A stream that is older by the system's clock is a recording, or the clock is wrong, s.
 const MAX_AGE_S: f64 = 1000.0;
@@ -318,7 +319,8 @@ impl StreamStatus {
         what.clone_into(&mut lock(&self.last_error));
     }
 
-    /// An epoch came so much later than those of the others that it missed its row, or in time (`None`).
+    /// An epoch came so much later than those of the others that it missed its row, or in time
+    /// (`None`).
     pub(crate) fn note_lateness(&self, late_s: Option<f64>) {
         let mut lateness = lock(&self.lateness);
         let was_told = lateness.in_a_row >= LATE_IN_A_ROW;
@@ -396,7 +398,8 @@ mod tests {
         AntennaEpoch { time: GpsTime::default() + (1e9 + second), ..AntennaEpoch::default() }
     }
 
-    /// A stream with an interval of 0.1 s is silent after half a second, one without any epoch after five.
+    /// A stream with an interval of 0.1 s is silent after half a second, one without any epoch
+    /// after five.
     #[test]
     fn a_silent_stream_is_named_with_what_is_known_of_it() {
         let stream = |began_s: u64| {
@@ -423,7 +426,8 @@ mod tests {
         assert_eq!(going.trouble().unwrap(), "has ended");
     }
 
-    /// Single late epochs are nothing; a stretch of them is named with how late they are, until one is in time.
+    /// Single late epochs are nothing; a stretch of them is named with how late they are, until one
+    /// is in time.
     #[test]
     fn an_antenna_that_is_always_late_is_named() {
         let status = StreamStatus::new("A1".into(), None);
