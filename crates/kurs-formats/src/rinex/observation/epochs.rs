@@ -4,12 +4,11 @@
 //! RINEX 2 the order of the lines alone tells whose they are: where a line is missing or too many,
 //! the epoch is dropped, because its numbers may be those of other satellites.
 
-use std::borrow::Cow;
+use std::ops::ControlFlow;
 
 use kurs::observation::AntennaEpoch;
-use kurs::signal::{Satellite, SatelliteSet, System};
+use kurs::signal::{Satellite, SatelliteSet};
 
-use super::columns::Columns;
 use super::compact::Row;
 use super::epoch_line::{EpochFlag, EpochLine};
 use super::events::EventLog;
@@ -17,6 +16,7 @@ use super::fields::{FIELD, drop_empty, is_observations, present, put_fields, tex
 use super::first_record;
 use super::header::{HeaderRecords, ObservationHeader, satellite};
 use super::lines::Lines;
+use super::satellites::Satellites;
 use crate::damage::DamageLog;
 use crate::epoch_order::RawEpochs;
 use crate::pending_slips::PendingSlips;
@@ -40,13 +40,7 @@ pub(super) struct EpochReader {
     pub(super) events: EventLog,
     /// Fields with a number so far.
     pub(super) field_count: u64,
-    /// One for each system, in the order of [`System::ALL`].
-    columns: [Columns; System::ALL.len()],
-    /// Systems whose observations nobody wants, in that order.
-    pub(super) passed_over: [bool; System::ALL.len()],
-    satellites: Vec<Option<Satellite>>,
-    /// Those of the epoch before.
-    before: Vec<Option<Satellite>>,
+    pub(super) satellites: Satellites,
 }
 
 impl RawEpochs for EpochReader {
@@ -111,10 +105,7 @@ impl EpochReader {
             slips: PendingSlips::default(),
             events: EventLog::default(),
             field_count: 0,
-            columns: Default::default(),
-            passed_over: Default::default(),
-            satellites: Vec::new(),
-            before: Vec::new(),
+            satellites: Satellites::default(),
         };
         reader.read_header()?;
         Ok(reader)
@@ -199,21 +190,8 @@ impl EpochReader {
         Ok(())
     }
 
-    /// Finds out what the columns mean; codes that mean nothing are named.
     fn lay_out_columns(&mut self) {
-        let line = self.lines.line_number();
-        for (columns, system) in self.columns.iter_mut().zip(System::ALL) {
-            let known = core::mem::replace(columns, Columns::of(system, &self.header));
-            if !columns.unknown.is_empty() && columns.unknown != known.unknown {
-                let version = self.header.version;
-                let who = if version.major < 3 { "no system".into() } else { system.to_string() };
-                let has = if version.major < 3 { "has" } else { "has no" };
-                let names: Vec<String> = columns.unknown.iter().map(ToString::to_string).collect();
-                let names = names.join(", ");
-                let what = format!("{who} {has} observations {names} in RINEX {version}, not read");
-                self.damage.note(line, what);
-            }
-        }
+        self.satellites.lay_out(&self.header, self.lines.line_number(), &mut self.damage);
     }
 
     /// The records behind an event line: header records, or comments.
@@ -243,11 +221,9 @@ impl EpochReader {
         for o in records.observations.iter().filter(|o| o.phase_cycles.is_some()) {
             self.slips.mark(o.satellite, o.signal);
         }
-        for satellite in self.satellites.iter().flatten() {
+        for satellite in self.satellites.listed.iter().flatten() {
             if !records.observations.iter().any(|o| o.satellite == *satellite) {
-                for signal in &self.columns[satellite.system as usize].signals {
-                    self.slips.mark(*satellite, *signal);
-                }
+                self.satellites.mark(*satellite, &mut self.slips);
             }
         }
     }
@@ -262,8 +238,7 @@ impl EpochReader {
         epoch.power_failure = line.flag == EpochFlag::AfterPowerFailure;
         epoch.clock_offset_s = line.clock_offset_s.filter(|_| !self.header.clock_offset_applied);
         epoch.observations.clear();
-        core::mem::swap(&mut self.satellites, &mut self.before);
-        self.satellites.clear();
+        self.satellites.begin_epoch();
         if line.flag.has_observations() && matches!(self.lines, Lines::Compact(_)) {
             self.take_decoded(line.count, epoch);
             Ok(true)
@@ -281,32 +256,32 @@ impl EpochReader {
         let Lines::Compact(lines) = &self.lines else { return };
         epoch.clock_offset_s = lines.clock_offset_s().filter(|_| !self.header.clock_offset_applied);
         for &Row { satellite, line_number } in lines.rows() {
-            self.satellites.push(Some(satellite));
-            let layout = &self.columns[satellite.system as usize];
-            if layout.columns.is_empty() {
-                self.damage.note_with(line_number, || undeclared(satellite));
+            let damage = &mut self.damage;
+            let Some(layout) = self.satellites.begin_satellite(satellite, line_number, damage)
+            else {
                 continue;
-            }
-            if self.passed_over[satellite.system as usize] {
-                continue;
-            }
+            };
             let base = epoch.observations.len();
             epoch.observations.extend(layout.blank(satellite));
             let observations = &mut epoch.observations[base..];
             let field = |index| lines.field(satellite, index);
-            let (slips, damage) = (&mut self.slips, &mut self.damage);
+            let slips = &mut self.slips;
             self.field_count +=
                 put_fields(&layout.columns, field, observations, line_number, slips, damage);
             self.header.apply_wavelength_factors(observations);
             drop_empty(&mut epoch.observations, base);
         }
-        let found = lines.rows().len();
+        let (found, line_number) = (lines.rows().len(), lines.source().line_number());
         if found != count {
-            let what = "satellites in the epoch instead of";
-            let line = lines.source().line_number();
-            self.damage.note_with(line, || format!("{found} {what} {count}").into());
+            self.note_count(line_number, found, "epoch", count);
             self.slips.mark_all();
         }
+    }
+
+    /// Notes that a list or an epoch has not as many satellites as its epoch line declares.
+    fn note_count(&mut self, line_number: u64, found: usize, place: &str, declared: usize) {
+        let what = || format!("{found} satellites in the {place} instead of {declared}").into();
+        self.damage.note_with(line_number, what);
     }
 
     /// RINEX 3 and 4: a line for each satellite, up to the next `>`.
@@ -319,13 +294,8 @@ impl EpochReader {
         let mut declared_end = None;
         let mut seen = SatelliteSet::default();
         while self.advance()? {
-            let number = self.lines.line_number();
             let line = self.lines.line();
-            if line.first() == Some(&b'>') {
-                self.lines.hold_line();
-                break;
-            }
-            if is_header_record(line) {
+            if line.first() == Some(&b'>') || is_header_record(line) {
                 self.lines.hold_line();
                 break;
             }
@@ -336,49 +306,19 @@ impl EpochReader {
                 declared_end = Some(epoch.observations.len());
             }
             found += 1;
-            if found > SATELLITES_MAX {
-                continue;
-            }
-            let Some(satellite) = satellite(columns(line, 0..3)) else {
-                self.damage.note(number, "not the line of a satellite, skipped");
-                continue;
-            };
-            if !seen.insert(satellite) {
+            if found <= SATELLITES_MAX && !self.read_satellite_3(&mut seen, epoch) {
                 repeated += 1;
-                let what = "comes twice in one epoch, skipped";
-                self.damage.note_with(number, || format!("{satellite} {what}").into());
-                continue;
             }
-            self.satellites.push(Some(satellite));
-            let layout = &self.columns[satellite.system as usize];
-            if layout.columns.is_empty() {
-                self.damage.note_with(number, || undeclared(satellite));
-                continue;
-            }
-            if self.passed_over[satellite.system as usize] {
-                continue;
-            }
-            let base = epoch.observations.len();
-            epoch.observations.extend(layout.blank(satellite));
-            let observations = &mut epoch.observations[base..];
-            let fields = line.get(3..).unwrap_or_default();
-            let (slips, damage) = (&mut self.slips, &mut self.damage);
-            let columns = present(&layout.columns, fields);
-            let field = |index| text_field(fields, index);
-            self.field_count += put_fields(columns, field, observations, number, slips, damage);
-            drop_empty(&mut epoch.observations, base);
         }
         if found != count {
-            let line = self.lines.line_number();
-            let what = "satellites in the epoch instead of";
-            self.damage.note_with(line, || format!("{found} {what} {count}").into());
+            self.note_count(self.lines.line_number(), found, "epoch", count);
         }
-        // A line that was lost is that of a satellite that was there before and is not now; of
-        // repeated ones nobody can tell.
+        // A lost line belongs to a satellite that was there before and is not now; where satellites
+        // are repeated, any of them may have lost its own.
         if repeated > 0 {
             self.slips.mark_all();
-        } else if found < count || self.satellites.len() < found {
-            self.mark_absent();
+        } else if found < count || self.satellites.listed.len() < found {
+            self.satellites.mark_absent(&mut self.slips);
         }
         // Too many, and the same again: the line of the next epoch is lost, its satellites are not
         // of this one.
@@ -388,13 +328,31 @@ impl EpochReader {
         Ok(())
     }
 
-    /// Marks the phases of the satellites that the epoch before had and this one has not.
-    fn mark_absent(&mut self) {
-        for satellite in self.before.iter().filter(|s| !self.satellites.contains(s)).flatten() {
-            for signal in &self.columns[satellite.system as usize].signals {
-                self.slips.mark(*satellite, *signal);
-            }
+    /// Reads the line of one satellite; `false` if the epoch has the satellite already.
+    fn read_satellite_3(&mut self, seen: &mut SatelliteSet, epoch: &mut AntennaEpoch) -> bool {
+        let (line, number) = (self.lines.line(), self.lines.line_number());
+        let (slips, damage) = (&mut self.slips, &mut self.damage);
+        let Some(satellite) = satellite(columns(line, 0..3)) else {
+            damage.note(number, "not the line of a satellite, skipped");
+            return true;
+        };
+        if !seen.insert(satellite) {
+            let what = "comes twice in one epoch, skipped";
+            damage.note_with(number, || format!("{satellite} {what}").into());
+            return false;
         }
+        let Some(layout) = self.satellites.begin_satellite(satellite, number, damage) else {
+            return true;
+        };
+        let base = epoch.observations.len();
+        epoch.observations.extend(layout.blank(satellite));
+        let observations = &mut epoch.observations[base..];
+        let fields = line.get(3..).unwrap_or_default();
+        let columns = present(&layout.columns, fields);
+        let field = |index| text_field(fields, index);
+        self.field_count += put_fields(columns, field, observations, number, slips, damage);
+        drop_empty(&mut epoch.observations, base);
+        true
     }
 
     /// RINEX 2: the satellites of an epoch, twelve a line from column 33 on.
@@ -411,11 +369,11 @@ impl EpochReader {
                     [b' ', tens, units] => satellite(&[default, tens, units]),
                     _ => satellite(name),
                 };
-                self.satellites.push(name.filter(|satellite| seen.insert(*satellite)));
+                self.satellites.listed.push(name.filter(|satellite| seen.insert(*satellite)));
             }
-            let full =
-                self.satellites.len().is_multiple_of(NAMES_A_LINE) && !self.satellites.is_empty();
-            let more = full && self.satellites.len() < count.min(SATELLITES_MAX);
+            let found = self.satellites.listed.len();
+            let full = found > 0 && found.is_multiple_of(NAMES_A_LINE);
+            let more = full && found < count.min(SATELLITES_MAX);
             if !more || !self.advance()? {
                 break;
             }
@@ -424,12 +382,11 @@ impl EpochReader {
                 break;
             }
         }
-        let (found, number) = (self.satellites.len(), self.lines.line_number());
+        let (found, number) = (self.satellites.listed.len(), self.lines.line_number());
         if found != count {
-            let what = "satellites in the list instead of";
-            self.damage.note_with(number, || format!("{found} {what} {count}").into());
+            self.note_count(number, found, "list", count);
         }
-        if self.satellites.contains(&None) {
+        if self.satellites.listed.contains(&None) {
             self.damage.note(number, "a satellite without a name or twice in the list, skipped");
             self.slips.mark_all();
         }
@@ -438,46 +395,56 @@ impl EpochReader {
 
     /// RINEX 2: the observations of each satellite of the list, five a line.
     fn read_satellites_2(&mut self, epoch: &mut AntennaEpoch) -> Result<bool, ReadError> {
-        for index in 0..self.satellites.len() {
-            let satellite = self.satellites[index];
-            // All systems have the same columns: a satellite that is skipped has as many lines.
-            let system = satellite.map_or(self.header.default_system(), |s| s.system);
-            let line_count = self.columns[system as usize].columns.len().div_ceil(FIELDS_A_LINE);
-            let base = epoch.observations.len();
-            let layout = &self.columns[system as usize];
-            let is_wanted = !self.passed_over[system as usize];
-            epoch
-                .observations
-                .extend(satellite.iter().filter(|_| is_wanted).flat_map(|s| layout.blank(*s)));
-            for part in 0..line_count {
-                if !self.advance_past_comments()? {
-                    self.damage.note(self.lines.line_number(), "the file ends inside an epoch");
-                    epoch.observations.truncate(base);
-                    return Ok(true);
-                }
-                let number = self.lines.line_number();
-                let layout = &self.columns[system as usize].columns;
-                let of_line = layout.chunks(FIELDS_A_LINE).nth(part).unwrap_or_default();
-                let line = self.lines.line();
-                let beyond = columns(line, of_line.len() * FIELD..FIELDS_A_LINE * FIELD);
-                if self.epoch_line().is_some() || !beyond.trim_ascii().is_empty() {
-                    self.damage.note(number, "not the line of its satellite, the epoch is dropped");
-                    self.lines.hold_line();
-                    return Ok(false);
-                }
-                if !is_wanted {
-                    continue;
-                }
-                let observations = &mut epoch.observations[base..];
-                let (slips, damage) = (&mut self.slips, &mut self.damage);
-                let field = |index| text_field(line, index);
-                let columns = present(of_line, line);
-                self.field_count += put_fields(columns, field, observations, number, slips, damage);
+        for index in 0..self.satellites.listed.len() {
+            let satellite = self.satellites.listed[index];
+            if let ControlFlow::Break(is_usable) = self.read_satellite_2(satellite, epoch)? {
+                return Ok(is_usable);
             }
-            self.header.apply_wavelength_factors(&mut epoch.observations[base..]);
-            drop_empty(&mut epoch.observations, base);
         }
         self.ends_with_its_lines()
+    }
+
+    /// Reads the lines of one satellite; breaks off where they end early, and says whether the
+    /// satellites before it are usable.
+    fn read_satellite_2(
+        &mut self,
+        satellite: Option<Satellite>,
+        epoch: &mut AntennaEpoch,
+    ) -> Result<ControlFlow<bool>, ReadError> {
+        // All systems have the same columns: a satellite that is skipped has as many lines.
+        let system = satellite.map_or(self.header.default_system(), |s| s.system);
+        let layout = self.satellites.columns(system);
+        let line_count = layout.columns.len().div_ceil(FIELDS_A_LINE);
+        let is_wanted = self.satellites.is_wanted(system);
+        let base = epoch.observations.len();
+        let own = satellite.filter(|_| is_wanted);
+        epoch.observations.extend(own.iter().flat_map(|s| layout.blank(*s)));
+        for part in 0..line_count {
+            if !self.advance_past_comments()? {
+                self.damage.note(self.lines.line_number(), "the file ends inside an epoch");
+                epoch.observations.truncate(base);
+                return Ok(ControlFlow::Break(true));
+            }
+            let (line, number) = (self.lines.line(), self.lines.line_number());
+            let layout = &self.satellites.columns(system).columns;
+            let of_line = layout.chunks(FIELDS_A_LINE).nth(part).unwrap_or_default();
+            let beyond = columns(line, of_line.len() * FIELD..FIELDS_A_LINE * FIELD);
+            if self.epoch_line().is_some() || !beyond.trim_ascii().is_empty() {
+                self.damage.note(number, "not the line of its satellite, the epoch is dropped");
+                self.lines.hold_line();
+                return Ok(ControlFlow::Break(false));
+            }
+            if is_wanted {
+                let observations = &mut epoch.observations[base..];
+                let (slips, damage) = (&mut self.slips, &mut self.damage);
+                let columns = present(of_line, line);
+                let field = |index| text_field(line, index);
+                self.field_count += put_fields(columns, field, observations, number, slips, damage);
+            }
+        }
+        self.header.apply_wavelength_factors(&mut epoch.observations[base..]);
+        drop_empty(&mut epoch.observations, base);
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Whether the next epoch begins behind the satellites of this one (RINEX 2). If more
@@ -497,7 +464,7 @@ impl EpochReader {
             return Ok(true);
         }
         self.slips.mark_all();
-        let layout = &self.columns[self.header.default_system() as usize];
+        let layout = self.satellites.columns(self.header.default_system());
         let own = extra >= 2 * layout.columns.len().div_ceil(FIELDS_A_LINE);
         let fate = if own { "skipped" } else { "the epoch before is dropped" };
         self.damage.note_with(first, || format!("{extra} lines without an epoch, {fate}").into());
@@ -564,8 +531,4 @@ fn is_header_record(line: &[u8]) -> bool {
 fn says_nothing(line: &[u8]) -> bool {
     let text = line.trim_ascii();
     text.is_empty() || text == b"END OF FILE" || columns(line, 60..67) == b"COMMENT"
-}
-
-fn undeclared(satellite: Satellite) -> Cow<'static, str> {
-    format!("{satellite}: no observations of this system in the header, skipped").into()
 }

@@ -11,6 +11,7 @@ mod events;
 mod fields;
 mod header;
 mod lines;
+mod satellites;
 mod type_list;
 
 use std::collections::BTreeMap;
@@ -93,7 +94,7 @@ impl ObservationReader {
 
     /// Leaves out the systems that are not wanted: their lines are passed over unread.
     pub fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
-        self.epochs.raw.passed_over = System::ALL.map(|system| !wanted(system));
+        self.epochs.raw.satellites.passed_over = System::ALL.map(|system| !wanted(system));
     }
 
     /// The header as it stands after the last epoch that was read.
