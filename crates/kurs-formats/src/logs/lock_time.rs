@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use kurs::observation::Lock;
 use kurs::signal::{Satellite, Signal};
 use kurs::time::GpsTime;
 
@@ -51,7 +52,7 @@ pub(crate) struct Tracked {
 
 /// What the lock time of a signal tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Continuity {
+enum Continuity {
     /// The phase goes on from the last epoch that had it.
     Continuous,
     /// The count began again in between, or half a cycle was put on or taken away.
@@ -61,10 +62,22 @@ pub(crate) enum Continuity {
 }
 
 impl LockTimes {
+    /// The loss-of-lock digit of a signal's phase, zero without a phase; `None` if the signal was in
+    /// this epoch before. `half_cycle`: the phase may be off by half a cycle.
+    pub(crate) fn digit(&mut self, now: &Tracked, half_cycle: bool) -> Option<Lock> {
+        let slip = match self.update(now) {
+            Continuity::Repeated => return None,
+            Continuity::Slipped => Lock::SLIP,
+            Continuity::Continuous => 0,
+        };
+        let half = if half_cycle { Lock::HALF_CYCLE } else { 0 };
+        Some(Lock(if now.has_phase { slip | half } else { 0 }))
+    }
+
     /// Compares with the last epoch of this signal. The phase slipped if the lock is of no duration,
     /// certainly shorter than before, or certainly shorter than the time in between. A slip stays
     /// until the signal has a phase. Nothing is said of a phase where the lock time is missing.
-    pub(crate) fn update(&mut self, now: &Tracked) -> Continuity {
+    fn update(&mut self, now: &Tracked) -> Continuity {
         let Tracked { time, half_cycle_added, .. } = *now;
         let last = self.last.entry((now.satellite, now.signal)).or_insert(Last {
             seen: GpsTime::from_nanoseconds(i64::MIN),

@@ -6,14 +6,14 @@
 
 use std::collections::BTreeMap;
 
-use kurs::observation::{Lock, Observation};
+use kurs::observation::Observation;
 use kurs::signal::{Satellite, Signal, System};
 use kurs::time::GpsTime;
 
 use super::lock;
 use super::msm::MS_M;
 use crate::fields::{BitReader, sign_extended};
-use crate::logs::lock_time::{Continuity, LockTimes, Tracked};
+use crate::logs::lock_time::{LockTimes, Tracked};
 use crate::logs::{is_empty, plausible};
 
 /// Units of ranges, m; of phases less ranges, m; of strengths, dB-Hz.
@@ -162,11 +162,7 @@ impl Memory {
             half_cycle_added: false,
             has_phase: phase_cycles.is_some(),
         };
-        let slip = match self.locks.update(&tracked) {
-            Continuity::Repeated => return None,
-            Continuity::Slipped => Lock::SLIP,
-            Continuity::Continuous => 0,
-        };
+        let lock = self.locks.digit(&tracked, false)?;
         Some(Observation {
             satellite,
             signal,
@@ -174,7 +170,7 @@ impl Memory {
             phase_cycles,
             doppler_hz: None,
             cn0_dbhz: plausible(band.strength as f64 * STRENGTH_DBHZ),
-            lock: if phase_cycles.is_some() { Lock(slip) } else { Lock(0) },
+            lock,
         })
     }
 }

@@ -5,14 +5,14 @@
 
 use std::collections::BTreeMap;
 
-use kurs::observation::{Lock, Observation};
+use kurs::observation::Observation;
 use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal, System};
 use kurs::time::GpsTime;
 
 use super::lock;
 use super::signal::{kind, message_number, satellite, satellite_bit, signal, signal_bit};
 use crate::fields::{BitReader, BitWriter, Fields, sign_extended, two_to};
-use crate::logs::lock_time::{Continuity, LockTimes, Tracked};
+use crate::logs::lock_time::{LockTime, LockTimes, Tracked};
 use crate::logs::{is_empty, plausible};
 
 /// Metres in a light millisecond.
@@ -21,10 +21,12 @@ pub(super) const MS_M: f64 = SPEED_OF_LIGHT_MPS * 1e-3;
 pub(super) const CELLS_MAX: usize = 64;
 /// Rough range in whole milliseconds that stands for none.
 const NO_ROUGH_RANGE: u64 = 255;
+/// Rough range rate that stands for none, m/s.
+const NO_ROUGH_RATE_MPS: f64 = -8192.0;
 /// Unit of the fine range rate, m/s.
 const FINE_RATE_MPS: f64 = 1e-4;
 
-/// What stands before the satellites.
+/// The part before the satellites.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) system: System,
@@ -40,6 +42,7 @@ pub(super) struct Header {
 }
 
 /// Widths and units of the fine parts.
+#[derive(Debug, Clone, Copy)]
 struct Resolution {
     range: (u32, f64),
     phase: (u32, f64),
@@ -105,6 +108,14 @@ struct Rough {
     rate_mps: Option<f64>,
 }
 
+/// Which satellites and signals a message has, and which pairs of them it has observations of.
+struct Masks {
+    satellites: Vec<Rough>,
+    signals: Vec<Option<Signal>>,
+    /// Numbers of the cells in use, counted satellite by satellite.
+    cells: Vec<usize>,
+}
+
 /// Reads the observations of a message; `None` if it is shorter than its masks say.
 pub(super) fn read(
     header: &Header,
@@ -114,14 +125,34 @@ pub(super) fn read(
     glonass_channels: &mut BTreeMap<u8, i8>,
     observations: &mut Vec<Observation>,
 ) -> Option<()> {
-    let Header { system, kind, .. } = *header;
-    let resolution = resolution(kind);
+    let resolution = resolution(header.kind);
     let mut reader = BitReader::new(message);
+    let mut masks = read_masks(&mut reader, header)?;
+    read_rough(&mut reader, header.system, &resolution, &mut masks.satellites, glonass_channels);
+    let columns = Columns::read(&mut reader, resolution, masks.cells.len());
+    if !reader.is_whole() {
+        return None;
+    }
+    for (index, cell) in masks.cells.iter().enumerate() {
+        let rough = &masks.satellites[cell / masks.signals.len()];
+        let signal = masks.signals[cell % masks.signals.len()];
+        let Some((satellite, signal)) = rough.satellite.zip(signal) else { continue };
+        let channel = glonass_channels.get(&satellite.number).copied();
+        let measured = columns.measured(index, rough);
+        let observation = measured.observation(satellite, signal, channel, time, locks);
+        observations.extend(observation.filter(|o| !is_empty(o)));
+    }
+    Some(())
+}
+
+/// Reads past the header and the mask of the cells; `None` if there are more than a message can have.
+fn read_masks(reader: &mut BitReader<'_>, header: &Header) -> Option<Masks> {
+    let Header { system, .. } = *header;
     reader.take(64 + 9);
     reader.take(64 + 32);
     let signals: Vec<Option<Signal>> =
         set_bits(u64::from(header.signals), 32).map(|bit| signal(system, bit)).collect();
-    let mut satellites: Vec<Rough> = set_bits(header.satellites, 64)
+    let satellites: Vec<Rough> = set_bits(header.satellites, 64)
         .map(|bit| Rough { satellite: satellite(system, bit), range_ms: None, rate_mps: None })
         .collect();
     let cells = satellites.len() * signals.len();
@@ -130,69 +161,8 @@ pub(super) fn read(
     }
     #[allow(clippy::cast_possible_truncation)] // at most 64
     let mask = if cells == 0 { 0 } else { reader.take(cells as u32) };
-    read_rough(&mut reader, system, &resolution, &mut satellites, glonass_channels);
-
     let is_set = |cell: &usize| mask >> (cells - 1 - cell) & 1 == 1;
-    let cells: Vec<usize> = (0..cells).filter(is_set).collect();
-    let mut column =
-        |width: u32| -> Vec<u64> { cells.iter().map(|_| reader.take(width)).collect() };
-    let ranges = column(resolution.range.0);
-    let phases = column(resolution.phase.0);
-    let lock_times = column(resolution.lock_bits);
-    let half_cycles = column(1);
-    let strengths = column(resolution.strength.0);
-    let rates = if resolution.has_rates { column(15) } else { Vec::new() };
-    if !reader.is_whole() {
-        return None;
-    }
-    for (index, cell) in cells.iter().enumerate() {
-        let rough = &satellites[cell / signals.len()];
-        let (Some(satellite), Some(signal)) = (rough.satellite, signals[cell % signals.len()])
-        else {
-            continue;
-        };
-        let whole_ms = |(width, unit_ms): (u32, f64), bits: u64| {
-            Some(rough.range_ms? + fine(bits, width)? * unit_ms)
-        };
-        let channel = glonass_channels.get(&satellite.number).copied();
-        let wavelength_m = signal.band.wavelength_m(channel);
-        let phase_cycles = whole_ms(resolution.phase, phases[index])
-            .and_then(|range_ms| plausible(range_ms * MS_M / wavelength_m?));
-        let rate_mps = rates.get(index).and_then(|bits| fine(*bits, 15)).map(|r| r * FINE_RATE_MPS);
-        let rate_mps = rough.rate_mps.and_then(|rough_mps| Some(rough_mps + rate_mps?));
-        let lock_bits = lock_times[index];
-        let is_short = resolution.lock_bits == 4;
-        let lock_time =
-            if is_short { lock::of_four_bits(lock_bits) } else { lock::of_ten_bits(lock_bits) };
-        let tracked = Tracked {
-            satellite,
-            signal,
-            time,
-            lock: Some(lock_time),
-            half_cycle_added: false,
-            has_phase: phase_cycles.is_some(),
-        };
-        let slip = match locks.update(&tracked) {
-            Continuity::Repeated => continue,
-            Continuity::Slipped => Lock::SLIP,
-            Continuity::Continuous => 0,
-        };
-        let half = if half_cycles[index] == 1 { Lock::HALF_CYCLE } else { 0 };
-        let observation = Observation {
-            satellite,
-            signal,
-            pseudorange_m: whole_ms(resolution.range, ranges[index])
-                .and_then(|range_ms| plausible(range_ms * MS_M)),
-            phase_cycles,
-            doppler_hz: rate_mps.and_then(|rate_mps| plausible(-rate_mps / wavelength_m?)),
-            cn0_dbhz: plausible(strengths[index] as f64 * resolution.strength.1),
-            lock: if phase_cycles.is_some() { Lock(slip | half) } else { Lock(0) },
-        };
-        if !is_empty(&observation) {
-            observations.push(observation);
-        }
-    }
-    Some(())
+    Some(Masks { satellites, signals, cells: (0..cells).filter(is_set).collect() })
 }
 
 /// Reads the satellites' part, and the channels that GLONASS satellites have there.
@@ -221,6 +191,97 @@ fn read_rough(
     }
     for rough in satellites.iter_mut().filter(|_| resolution.has_rates) {
         rough.rate_mps = fine(reader.take(14), 14);
+    }
+}
+
+/// The fine parts: a number for each cell in use in every column.
+struct Columns {
+    resolution: Resolution,
+    ranges: Vec<u64>,
+    phases: Vec<u64>,
+    lock_times: Vec<u64>,
+    half_cycles: Vec<u64>,
+    strengths: Vec<u64>,
+    /// Empty if the message has no rates.
+    rates: Vec<u64>,
+}
+
+impl Columns {
+    fn read(reader: &mut BitReader<'_>, resolution: Resolution, cells: usize) -> Self {
+        let mut column = |width: u32| (0..cells).map(|_| reader.take(width)).collect();
+        Self {
+            ranges: column(resolution.range.0),
+            phases: column(resolution.phase.0),
+            lock_times: column(resolution.lock_bits),
+            half_cycles: column(1),
+            strengths: column(resolution.strength.0),
+            rates: if resolution.has_rates { column(15) } else { Vec::new() },
+            resolution,
+        }
+    }
+
+    /// The sums of rough and fine parts in one cell.
+    fn measured(&self, index: usize, rough: &Rough) -> Measured {
+        let Resolution { range, phase, lock_bits, strength, .. } = self.resolution;
+        let sum_ms = |(width, unit_ms): (u32, f64), bits: u64| {
+            Some(rough.range_ms? + fine(bits, width)? * unit_ms)
+        };
+        let lock_time = if lock_bits == 4 { lock::of_four_bits } else { lock::of_ten_bits };
+        let rate_mps = self.rates.get(index).and_then(|bits| fine(*bits, 15));
+        Measured {
+            range_ms: sum_ms(range, self.ranges[index]),
+            phase_ms: sum_ms(phase, self.phases[index]),
+            rate_mps: rough
+                .rate_mps
+                .zip(rate_mps)
+                .map(|(rough, fine)| rough + fine * FINE_RATE_MPS),
+            lock_time: lock_time(self.lock_times[index]),
+            half_cycle: self.half_cycles[index] == 1,
+            strength_dbhz: self.strengths[index] as f64 * strength.1,
+        }
+    }
+}
+
+/// What a message says of one signal of one satellite.
+struct Measured {
+    range_ms: Option<f64>,
+    phase_ms: Option<f64>,
+    rate_mps: Option<f64>,
+    lock_time: LockTime,
+    half_cycle: bool,
+    strength_dbhz: f64,
+}
+
+impl Measured {
+    /// The observation in cycles and hertz; `None` if the epoch has one of this signal already.
+    fn observation(
+        &self,
+        satellite: Satellite,
+        signal: Signal,
+        channel: Option<i8>,
+        time: GpsTime,
+        locks: &mut LockTimes,
+    ) -> Option<Observation> {
+        let wavelength_m = signal.band.wavelength_m(channel);
+        let in_cycles = |range_ms: f64| plausible(range_ms * MS_M / wavelength_m?);
+        let phase_cycles = self.phase_ms.and_then(in_cycles);
+        let tracked = Tracked {
+            satellite,
+            signal,
+            time,
+            lock: Some(self.lock_time),
+            half_cycle_added: false,
+            has_phase: phase_cycles.is_some(),
+        };
+        Some(Observation {
+            satellite,
+            signal,
+            lock: locks.digit(&tracked, self.half_cycle)?,
+            pseudorange_m: self.range_ms.and_then(|range_ms| plausible(range_ms * MS_M)),
+            phase_cycles,
+            doppler_hz: self.rate_mps.and_then(|rate_mps| plausible(-rate_mps / wavelength_m?)),
+            cn0_dbhz: plausible(self.strength_dbhz),
+        })
     }
 }
 
@@ -277,70 +338,85 @@ pub(super) fn write(
     cells: &[Cell],
 ) -> Option<Vec<u8>> {
     const KIND: u16 = 7;
-    let Resolution { range, phase, lock_bits, strength, .. } = resolution(KIND);
     let (satellites, signals) = masks(cells);
     let header =
         Header { system, kind: KIND, station, epoch_time, more_follows, satellites, signals };
     let mut writer = BitWriter::default();
     header.write(&mut writer);
-    let of = |satellite: u8, signal: u8| {
-        cells.iter().find(move |cell| {
-            satellite_bit(cell.satellite) == Some(satellite)
-                && signal_bit(cell.signal) == Some(signal)
-        })
-    };
-    let first_of = |satellite: u8| {
-        cells.iter().find(move |cell| satellite_bit(cell.satellite) == Some(satellite))
-    };
-    let in_order: Vec<Option<&Cell>> = set_bits(satellites, 64)
-        .flat_map(|satellite| {
-            set_bits(u64::from(signals), 32).map(move |signal| of(satellite, signal))
-        })
-        .collect();
-    in_order.iter().for_each(|cell| writer.constant(1, u64::from(cell.is_some())));
+    let in_order = write_cell_mask(&mut writer, &header, cells);
+    let rough = write_rough(&mut writer, satellites, cells);
+    let of_satellite = |cell: &Cell| rough.iter().find(|r| r.satellite == cell.satellite).copied();
+    let in_order: Vec<(&Cell, RoughSent)> =
+        in_order.into_iter().filter_map(|cell| Some((cell, of_satellite(cell)?))).collect();
+    write_columns(&mut writer, &resolution(KIND), &in_order);
+    writer.finish()
+}
 
+/// Writes which pairs of satellite and signal there are, and returns their cells in this order.
+fn write_cell_mask<'a>(
+    writer: &mut BitWriter,
+    header: &Header,
+    cells: &'a [Cell],
+) -> Vec<&'a Cell> {
+    let mut in_order = Vec::with_capacity(cells.len());
+    for satellite in set_bits(header.satellites, 64) {
+        for signal in set_bits(u64::from(header.signals), 32) {
+            let cell = cells.iter().find(|cell| {
+                satellite_bit(cell.satellite) == Some(satellite)
+                    && signal_bit(cell.signal) == Some(signal)
+            });
+            writer.constant(1, u64::from(cell.is_some()));
+            in_order.extend(cell);
+        }
+    }
+    in_order
+}
+
+/// The rough part of a satellite as it is sent.
+#[derive(Debug, Clone, Copy)]
+struct RoughSent {
+    satellite: Satellite,
+    range_ms: f64,
+    rate_mps: f64,
+}
+
+/// Writes the satellites' part: ranges and rates are those of the first cell of each.
+fn write_rough(writer: &mut BitWriter, satellites: u64, cells: &[Cell]) -> Vec<RoughSent> {
+    let first_of =
+        |bit: u8| cells.iter().find(move |cell| satellite_bit(cell.satellite) == Some(bit));
     let firsts: Vec<&Cell> = set_bits(satellites, 64).filter_map(first_of).collect();
-    let mut rough: Vec<f64> =
-        firsts.iter().map(|cell| (cell.range_ms * 1024.0).round() / 1024.0).collect();
-    for rough_ms in &mut rough {
-        let mut whole_ms = rough_ms.floor();
-        writer.scaled_unsigned(8, 1.0, &mut whole_ms);
-    }
+    let sent = |cell: &&Cell| RoughSent {
+        satellite: cell.satellite,
+        range_ms: (cell.range_ms * 1024.0).round() / 1024.0,
+        rate_mps: cell.rate_mps.unwrap_or(NO_ROUGH_RATE_MPS).round(),
+    };
+    let mut rough: Vec<RoughSent> = firsts.iter().map(sent).collect();
+    rough.iter().for_each(|r| writer.scaled_unsigned(8, 1.0, &mut r.range_ms.floor()));
     firsts.iter().for_each(|cell| writer.constant(4, u64::from(cell.extended)));
-    for rough_ms in &mut rough {
-        let mut part_ms = rough_ms.fract();
-        writer.scaled_unsigned(10, two_to(-10), &mut part_ms);
-    }
-    let mut rough_rates: Vec<f64> =
-        firsts.iter().map(|cell| cell.rate_mps.unwrap_or(-8192.0).round()).collect();
-    rough_rates.iter_mut().for_each(|rate_mps| writer.scaled(14, 1.0, rate_mps));
+    rough.iter().for_each(|r| writer.scaled_unsigned(10, two_to(-10), &mut r.range_ms.fract()));
+    rough.iter_mut().for_each(|r| writer.scaled(14, 1.0, &mut r.rate_mps));
+    rough
+}
 
-    let cells: Vec<(&Cell, usize)> = in_order
-        .into_iter()
-        .flatten()
-        .filter_map(|cell| {
-            Some((cell, firsts.iter().position(|first| first.satellite == cell.satellite)?))
-        })
-        .collect();
-    for (cell, at) in &cells {
-        let mut fine_ms = cell.range_ms - rough[*at];
-        writer.scaled(range.0, range.1, &mut fine_ms);
+/// Writes the fine parts, column by column: what the rough part of the satellite leaves.
+fn write_columns(writer: &mut BitWriter, resolution: &Resolution, cells: &[(&Cell, RoughSent)]) {
+    let Resolution { range, phase, lock_bits, strength, .. } = *resolution;
+    for (cell, rough) in cells {
+        writer.scaled(range.0, range.1, &mut (cell.range_ms - rough.range_ms));
     }
-    for (cell, at) in &cells {
+    for (cell, rough) in cells {
         let none = -two_to(23) * phase.1;
-        let mut fine_ms = cell.phase_ms.map_or(none, |phase_ms| phase_ms - rough[*at]);
+        let mut fine_ms = cell.phase_ms.map_or(none, |phase_ms| phase_ms - rough.range_ms);
         writer.scaled(phase.0, phase.1, &mut fine_ms);
     }
     cells.iter().for_each(|(cell, _)| writer.constant(lock_bits, lock::to_ten_bits(cell.lock_s)));
     cells.iter().for_each(|(cell, _)| writer.constant(1, u64::from(cell.half_cycle)));
-    for (cell, _) in &cells {
-        let mut strength_dbhz = cell.strength_dbhz;
-        writer.scaled_unsigned(strength.0, strength.1, &mut strength_dbhz);
+    for (cell, _) in cells {
+        writer.scaled_unsigned(strength.0, strength.1, &mut { cell.strength_dbhz });
     }
-    for (cell, at) in &cells {
+    for (cell, rough) in cells {
         let none = -two_to(14) * FINE_RATE_MPS;
-        let mut fine_mps = cell.rate_mps.map_or(none, |rate_mps| rate_mps - rough_rates[*at]);
+        let mut fine_mps = cell.rate_mps.map_or(none, |rate_mps| rate_mps - rough.rate_mps);
         writer.scaled(15, FINE_RATE_MPS, &mut fine_mps);
     }
-    writer.finish()
 }

@@ -5,13 +5,13 @@
 
 use std::collections::BTreeMap;
 
-use kurs::observation::{Lock, Observation};
+use kurs::observation::Observation;
 use kurs::signal::{SPEED_OF_LIGHT_MPS, Satellite, Signal, System};
 use kurs::time::GpsTime;
 
 use super::AntennaId;
 use super::signal::{is_gps_p, satellite, signal};
-use crate::logs::lock_time::{Continuity, LockTime, LockTimes, Tracked};
+use crate::logs::lock_time::{LockTime, LockTimes, Tracked};
 use crate::logs::{LittleEndian, is_empty, plausible};
 
 /// Number of the block.
@@ -123,6 +123,7 @@ struct Reference {
 #[derive(Debug, Clone, Copy)]
 struct Measurement {
     signal: Signal,
+    frequency_hz: Option<f64>,
     pseudorange_m: Option<f64>,
     phase_offset_cycles: Option<f64>,
     doppler_hz: Option<f64>,
@@ -131,6 +132,58 @@ struct Measurement {
     lock: Option<(u16, u16)>,
     info: u8,
     is_gps_p: bool,
+}
+
+impl Reference {
+    /// Reads a sub-block of type 1, whose signal has this frequency.
+    fn read(first: &[u8], frequency_hz: Option<f64>) -> Self {
+        let doppler = first.array(8).map(i32::from_le_bytes).filter(|d| *d != i32::MIN);
+        Self {
+            pseudorange_m: range_m(first[3], first.array(4)),
+            doppler_hz: doppler.map(|d| f64::from(d) * DOPPLER_HZ),
+            frequency_hz,
+        }
+    }
+
+    /// The signal of the sub-block of type 1 itself.
+    fn own(&self, signal: Signal, first: &[u8]) -> Measurement {
+        let (kind, info) = (first[1], first[18]);
+        Measurement {
+            signal,
+            frequency_hz: self.frequency_hz,
+            pseudorange_m: self.pseudorange_m,
+            phase_offset_cycles: phase_offset_cycles(first[14], first.u16(12)),
+            doppler_hz: self.doppler_hz,
+            strength: first[15],
+            lock: first.u16(16).filter(|s| *s != NO_LOCK_1).map(|s| (s, NO_LOCK_1 - 1)),
+            info,
+            is_gps_p: is_gps_p(number(kind, info)),
+        }
+    }
+
+    /// A further signal, from its sub-block of type 2.
+    fn further(&self, signal: Signal, frequency_hz: Option<f64>, second: &[u8]) -> Measurement {
+        let (kind, info, offsets) = (second[0], second[5], second[3]);
+        // Three bits in two's complement above 16, five above 16.
+        let range_high = sign_extended(offsets & 7, 3);
+        let doppler_high = sign_extended(offsets >> 3, 5);
+        let offset_m = offset(range_high, -4, second.u16(6)).map(|units| units * RANGE_M);
+        let offset_hz = offset(doppler_high, -16, second.u16(10)).map(|u| u * DOPPLER_HZ);
+        // D₂ = α D₁ + ΔD with α = f₂ / f₁
+        let scaled_hz = || Some(self.doppler_hz? * frequency_hz? / self.frequency_hz?);
+        Measurement {
+            signal,
+            frequency_hz,
+            pseudorange_m: self.pseudorange_m.zip(offset_m).map(|(a, b)| a + b),
+            phase_offset_cycles: phase_offset_cycles(second[4], second.u16(8)),
+            doppler_hz: offset_hz.and_then(|offset_hz| Some(scaled_hz()? + offset_hz)),
+            strength: second[2],
+            lock: (second[1] != NO_LOCK_2)
+                .then_some((u16::from(second[1]), u16::from(NO_LOCK_2 - 1))),
+            info,
+            is_gps_p: is_gps_p(number(kind, info)),
+        }
+    }
 }
 
 /// What becomes of the measurements of one antenna.
@@ -162,81 +215,45 @@ impl Epoch<'_> {
         first: &[u8],
         others: &[u8],
     ) {
-        let e6b_used = header.flags & E6B_USED != 0;
-        let signal_of = |kind, info| signal(satellite.system, number(kind, info), e6b_used);
-        let info = first[18];
-        if satellite.system == System::Glonass
-            && first[1] & 0x1f != EXTENDED
-            && let channel @ -7..=13 = (info >> 3).cast_signed() - CHANNEL_OFFSET
-        {
-            self.glonass_channels.insert(satellite.number, channel);
-        }
+        self.learn_channel(satellite, first);
         let channel = self.glonass_channels.get(&satellite.number).copied();
         let frequency_hz = |signal: Signal| signal.band.frequency_hz(channel);
+        let e6b_used = header.flags & E6B_USED != 0;
+        let signal_of = |kind, info| signal(satellite.system, number(kind, info), e6b_used);
 
-        let own = signal_of(first[1], info);
-        let reference = Reference {
-            pseudorange_m: range_m(first[3], first.array(4)),
-            doppler_hz: first
-                .array(8)
-                .map(i32::from_le_bytes)
-                .filter(|d| *d != i32::MIN)
-                .map(|d| f64::from(d) * DOPPLER_HZ),
-            frequency_hz: own.and_then(frequency_hz),
-        };
+        let own = signal_of(first[1], first[18]);
+        let reference = Reference::read(first, own.and_then(frequency_hz));
         if let Some(signal) = own.filter(|_| antenna(first[1]) == self.antenna.0) {
-            let measurement = Measurement {
-                signal,
-                pseudorange_m: reference.pseudorange_m,
-                phase_offset_cycles: phase_offset_cycles(first[14], first.u16(12)),
-                doppler_hz: reference.doppler_hz,
-                strength: first[15],
-                lock: first.u16(16).filter(|s| *s != NO_LOCK_1).map(|s| (s, NO_LOCK_1 - 1)),
-                info,
-                is_gps_p: is_gps_p(number(first[1], info)),
-            };
-            self.add(satellite, frequency_hz(signal), &measurement);
+            self.add(satellite, &reference.own(signal, first));
         }
         for second in others.chunks_exact(header.type_2) {
-            let (kind, info) = (second[0], second[5]);
-            if antenna(kind) != self.antenna.0 {
-                continue;
+            if antenna(second[0]) == self.antenna.0
+                && let Some(signal) = signal_of(second[0], second[5])
+            {
+                self.add(satellite, &reference.further(signal, frequency_hz(signal), second));
             }
-            let Some(signal) = signal_of(kind, info) else { continue };
-            let frequency_hz = frequency_hz(signal);
-            let offsets = second[3];
-            // Three bits in two's complement above 16, five above 16.
-            let range_high = sign_extended(offsets & 7, 3);
-            let doppler_high = sign_extended(offsets >> 3, 5);
-            let offset_m = offset(range_high, -4, second.u16(6)).map(|units| units * RANGE_M);
-            let offset_hz = offset(doppler_high, -16, second.u16(10)).map(|u| u * DOPPLER_HZ);
-            // D₂ = α D₁ + ΔD with α = f₂ / f₁
-            let scaled_hz =
-                || Some(reference.doppler_hz? * frequency_hz? / reference.frequency_hz?);
-            let measurement = Measurement {
-                signal,
-                pseudorange_m: reference.pseudorange_m.zip(offset_m).map(|(a, b)| a + b),
-                phase_offset_cycles: phase_offset_cycles(second[4], second.u16(8)),
-                doppler_hz: offset_hz.and_then(|offset_hz| Some(scaled_hz()? + offset_hz)),
-                strength: second[2],
-                lock: (second[1] != NO_LOCK_2)
-                    .then_some((u16::from(second[1]), u16::from(NO_LOCK_2 - 1))),
-                info,
-                is_gps_p: is_gps_p(number(kind, info)),
-            };
-            self.add(satellite, frequency_hz, &measurement);
+        }
+    }
+
+    /// Keeps the channel of a GLONASS satellite, which stands where others extend the signal number.
+    fn learn_channel(&mut self, satellite: Satellite, first: &[u8]) {
+        if satellite.system == System::Glonass
+            && first[1] & 0x1f != EXTENDED
+            && let channel @ -7..=13 = (first[18] >> 3).cast_signed() - CHANNEL_OFFSET
+        {
+            self.glonass_channels.insert(satellite.number, channel);
         }
     }
 
     /// Adds a signal's observation, if there is anything in it.
-    fn add(&mut self, satellite: Satellite, frequency_hz: Option<f64>, m: &Measurement) {
+    fn add(&mut self, satellite: Satellite, m: &Measurement) {
         // L = P / λ + offset
-        let range_cycles = || Some(m.pseudorange_m? * frequency_hz? / SPEED_OF_LIGHT_MPS);
+        let range_cycles = || Some(m.pseudorange_m? * m.frequency_hz? / SPEED_OF_LIGHT_MPS);
         let phase_cycles = m
             .phase_offset_cycles
             .and_then(|offset| plausible(range_cycles()? + offset))
             .filter(|_| m.lock.is_some());
-        let lock = m.lock.map(|(seconds, last)| LockTime {
+        let lock_time = m.lock.map(|(seconds, last)| LockTime {
             least_s: f64::from(seconds),
             most_s: if seconds >= last { f64::INFINITY } else { f64::from(seconds) + 1.0 },
         });
@@ -244,16 +261,12 @@ impl Epoch<'_> {
             satellite,
             signal: m.signal,
             time: self.time,
-            lock,
+            lock: lock_time,
             half_cycle_added: false,
             has_phase: phase_cycles.is_some(),
         };
-        let slip = match self.locks.update(&tracked) {
-            Continuity::Repeated => return,
-            Continuity::Slipped => Lock::SLIP,
-            Continuity::Continuous => 0,
-        };
-        let half = if m.info & HALF_CYCLE != 0 { Lock::HALF_CYCLE } else { 0 };
+        let half_cycle = m.info & HALF_CYCLE != 0;
+        let Some(lock) = self.locks.digit(&tracked, half_cycle) else { return };
         let strength_dbhz = f64::from(m.strength) * STRENGTH_DBHZ
             + if m.is_gps_p { 0.0 } else { STRENGTH_OFFSET_DBHZ };
         let observation = Observation {
@@ -263,7 +276,7 @@ impl Epoch<'_> {
             phase_cycles,
             doppler_hz: m.doppler_hz.and_then(plausible),
             cn0_dbhz: plausible(strength_dbhz).filter(|_| m.strength != NO_STRENGTH),
-            lock: if phase_cycles.is_some() { Lock(slip | half) } else { Lock(0) },
+            lock,
         };
         if !is_empty(&observation) {
             self.observations.push(observation);
@@ -295,6 +308,8 @@ const fn sign_extended(bits: u8, width: u32) -> i8 {
 
 #[cfg(test)]
 mod tests {
+    use kurs::observation::Lock;
+
     use super::*;
 
     fn read(content: &[u8], antenna: u8) -> (Vec<Observation>, Option<()>) {

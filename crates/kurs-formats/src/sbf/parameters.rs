@@ -26,81 +26,94 @@ const DAY_S: f64 = 86_400.0;
 /// UTC parameters, and offsets between systems, that are kept: satellites send new ones once a day.
 const KEPT_MAX: usize = 1000;
 
-/// Takes what a block tells, received at `time`; `None` if it is another block or too short.
+/// Takes what a block tells, received at `time`; `None` if it is another block or damaged.
 pub(super) fn take(block: &Block<'_>, time: GpsTime, data: &mut NavigationData) -> Option<()> {
     let mut reader = BlockReader::new(block.content);
     reader.skip(2); // satellite, source
     match block.number {
-        GPS_ION | BDS_ION => {
-            let mut model = Klobuchar { alpha: [0.0; 4], beta: [0.0; 4] };
-            describe_klobuchar(&mut reader, &mut model);
-            let numbers = model.alpha.iter().chain(&model.beta);
-            let is_sane = reader.is_whole() && numbers.into_iter().all(|number| number.is_finite());
-            let model = is_sane.then_some(model)?;
-            let of_system = match block.number {
-                GPS_ION => &mut data.ionosphere.gps,
-                _ => &mut data.ionosphere.beidou,
-            };
-            *of_system = Some(model);
-        }
-        GAL_ION => {
-            let mut levels = [0.0; 3];
-            levels.iter_mut().for_each(|level| reader.f4(1.0, level));
-            let is_sane = reader.is_whole() && levels.iter().all(|level| level.is_finite());
-            data.ionosphere.galileo = Some(is_sane.then_some(levels)?);
-        }
-        GPS_UTC | GAL_UTC => {
-            let mut utc = Utc::default();
-            describe_utc(&mut reader, &mut utc);
-            let system = if block.number == GPS_UTC { System::Gps } else { System::Galileo };
-            let reference_time = in_week(time, utc.week, UTC_WEEKS) + utc.reference_s;
-            if reader.is_whole() {
-                push_utc(data, utc.parameters(system, reference_time));
-                data.leap_seconds = Some(utc.leaps.at(time));
-            }
-        }
-        BDS_UTC => {
-            let mut utc = Utc::default();
-            reader.f4(1.0, &mut utc.drift);
-            reader.f8(1.0, &mut utc.bias_s);
-            describe_leaps(&mut reader, &mut utc.leaps);
-            // A₁ counts from the beginning of BeiDou's week.
-            let own = time + -GPST_MINUS_BDT_S;
-            let reference_time = own + -own.tow_s() + GPST_MINUS_BDT_S;
-            if reader.is_whole() {
-                push_utc(data, utc.parameters(System::BeiDou, reference_time));
-            }
-        }
-        GLO_TIME => {
-            let (mut ahead_s, mut correction_s) = (0.0, 0.0);
-            reader.skip(1 + 1 + 2); // N₄, KP, N
-            reader.f4(1.0, &mut ahead_s);
-            reader.f8(1.0, &mut correction_s);
-            if reader.is_whole() {
-                let reference_time = time + -time.tow_s() % DAY_S;
-                // UTC = t + τ_c and GPST = t + τ_GPS, whole seconds left out.
-                let utc = Utc { bias_s: -correction_s, ..Utc::default() };
-                push_utc(data, utc.parameters(System::Glonass, reference_time));
-                let bias_s = -ahead_s;
-                push_offset(data, System::Glonass, [bias_s, 0.0], reference_time);
-            }
-        }
-        GAL_GST_GPS => {
-            let (mut drift, mut bias_s, mut reference_s, mut week) = (0.0, 0.0, 0.0, 0);
-            // "1·10⁹ ns/s" and "1·10⁹ ns": s/s and s.
-            reader.f4(1.0, &mut drift);
-            reader.f4(1.0, &mut bias_s);
-            reader.seconds(&mut reference_s);
-            reader.u1(&mut week);
-            if reader.is_whole() {
-                // Weeks of Galileo are those of GPS less 1024.
-                let reference_time = in_week(time, week, OFFSET_WEEKS) + reference_s;
-                push_offset(data, System::Galileo, [bias_s, drift], reference_time);
-            }
-        }
+        GPS_ION => data.ionosphere.gps = Some(klobuchar(&mut reader)?),
+        BDS_ION => data.ionosphere.beidou = Some(klobuchar(&mut reader)?),
+        GAL_ION => data.ionosphere.galileo = Some(galileo_ionosphere(&mut reader)?),
+        GPS_UTC => take_utc(&mut reader, System::Gps, time, data),
+        GAL_UTC => take_utc(&mut reader, System::Galileo, time, data),
+        BDS_UTC => take_beidou_utc(&mut reader, time, data),
+        GLO_TIME => take_glonass_time(&mut reader, time, data),
+        GAL_GST_GPS => take_galileo_offset(&mut reader, time, data),
         _ => return None,
     }
     Some(())
+}
+
+fn klobuchar(reader: &mut BlockReader<'_>) -> Option<Klobuchar> {
+    let mut model = Klobuchar { alpha: [0.0; 4], beta: [0.0; 4] };
+    describe_klobuchar(reader, &mut model);
+    let is_sane = model.alpha.iter().chain(&model.beta).all(|number| number.is_finite());
+    (reader.is_whole() && is_sane).then_some(model)
+}
+
+fn galileo_ionosphere(reader: &mut BlockReader<'_>) -> Option<[f64; 3]> {
+    let mut levels = [0.0; 3];
+    levels.iter_mut().for_each(|level| reader.f4(1.0, level));
+    (reader.is_whole() && levels.iter().all(|level| level.is_finite())).then_some(levels)
+}
+
+/// GPSUtc and GALUtc, which have the leap seconds too.
+fn take_utc(
+    reader: &mut BlockReader<'_>,
+    system: System,
+    time: GpsTime,
+    data: &mut NavigationData,
+) {
+    let mut utc = Utc::default();
+    describe_utc(reader, &mut utc);
+    let reference_time = in_week(time, utc.week, UTC_WEEKS) + utc.reference_s;
+    if reader.is_whole() {
+        push_utc(data, utc.parameters(system, reference_time));
+        data.leap_seconds = Some(utc.leaps.at(time));
+    }
+}
+
+fn take_beidou_utc(reader: &mut BlockReader<'_>, time: GpsTime, data: &mut NavigationData) {
+    let mut utc = Utc::default();
+    reader.f4(1.0, &mut utc.drift);
+    reader.f8(1.0, &mut utc.bias_s);
+    describe_leaps(reader, &mut utc.leaps);
+    // A₁ counts from the beginning of BeiDou's week.
+    let own = time + -GPST_MINUS_BDT_S;
+    let reference_time = own + -own.tow_s() + GPST_MINUS_BDT_S;
+    if reader.is_whole() {
+        push_utc(data, utc.parameters(System::BeiDou, reference_time));
+    }
+}
+
+/// GLOTime: GLONASS time against UTC and against GPS time.
+fn take_glonass_time(reader: &mut BlockReader<'_>, time: GpsTime, data: &mut NavigationData) {
+    let (mut ahead_s, mut correction_s) = (0.0, 0.0);
+    reader.skip(1 + 1 + 2); // N₄, KP, N
+    reader.f4(1.0, &mut ahead_s);
+    reader.f8(1.0, &mut correction_s);
+    if reader.is_whole() {
+        let reference_time = time + -time.tow_s() % DAY_S;
+        // UTC = t + τ_c and GPST = t + τ_GPS, whole seconds left out.
+        let utc = Utc { bias_s: -correction_s, ..Utc::default() };
+        push_utc(data, utc.parameters(System::Glonass, reference_time));
+        push_offset(data, System::Glonass, [-ahead_s, 0.0], reference_time);
+    }
+}
+
+/// GALGstGps: Galileo time against GPS time.
+fn take_galileo_offset(reader: &mut BlockReader<'_>, time: GpsTime, data: &mut NavigationData) {
+    let (mut drift, mut bias_s, mut reference_s, mut week) = (0.0, 0.0, 0.0, 0);
+    // "1·10⁹ ns/s" and "1·10⁹ ns": s/s and s.
+    reader.f4(1.0, &mut drift);
+    reader.f4(1.0, &mut bias_s);
+    reader.seconds(&mut reference_s);
+    reader.u1(&mut week);
+    if reader.is_whole() {
+        // Weeks of Galileo are those of GPS less 1024.
+        let reference_time = in_week(time, week, OFFSET_WEEKS) + reference_s;
+        push_offset(data, System::Galileo, [bias_s, drift], reference_time);
+    }
 }
 
 /// The blocks that say what `data` says of the ionosphere and of UTC, as of `time`.

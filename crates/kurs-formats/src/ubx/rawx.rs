@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use kurs::observation::{AntennaEpoch, Lock, Observation};
+use kurs::observation::{AntennaEpoch, Observation};
 use kurs::signal::System;
 use kurs::time::GpsTime;
 
 use super::signal::{glonass_channel, satellite, signal};
 use crate::damage::DamageLog;
-use crate::logs::lock_time::{Continuity, LockTime, LockTimes, Tracked};
+use crate::logs::lock_time::{LockTime, LockTimes, Tracked};
 use crate::logs::{LittleEndian, is_empty, plausible};
 
 /// Class and number of the message.
@@ -62,12 +62,7 @@ pub(crate) fn read(
             half_cycle_added: has(HALF_CYCLE_ADDED),
             has_phase: phase_cycles.is_some(),
         };
-        let slip = match locks.update(&tracked) {
-            Continuity::Repeated => continue,
-            Continuity::Slipped => Lock::SLIP,
-            Continuity::Continuous => 0,
-        };
-        let half = if has(HALF_CYCLE_KNOWN) { 0 } else { Lock::HALF_CYCLE };
+        let Some(lock) = locks.digit(&tracked, !has(HALF_CYCLE_KNOWN)) else { continue };
         if satellite.system == System::Glonass
             && let Some(channel) = glonass_channel(m[23])
         {
@@ -80,7 +75,7 @@ pub(crate) fn read(
             phase_cycles,
             doppler_hz: m.f32(16).map(f64::from).and_then(plausible),
             cn0_dbhz: plausible(f64::from(m[26])),
-            lock: if phase_cycles.is_some() { Lock(slip | half) } else { Lock(0) },
+            lock,
         };
         if !is_empty(&observation) {
             epoch.observations.push(observation);
