@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use kurs::frames::{Geodetic, Vector};
+use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
 use super::{PositionFix, Quality, checked_place};
@@ -29,7 +29,7 @@ struct Columns {
 /// What a row says.
 enum Row<'a> {
     Fix(PositionFix),
-    /// By its own word.
+    /// As its status says.
     WithoutSolution,
     /// An antenna that is not asked for.
     OfAnother(&'a str),
@@ -46,11 +46,13 @@ enum PlaceColumns {
     Ecef([usize; 3]),
 }
 
+/// Columns that a table can have.
+const FIELDS_MAX: usize = 64;
 /// Other names that are told; a column of numbers must not fill the memory.
 const OTHERS_MAX: usize = 100;
 
-/// Reads a table; `antennas` are the names that count, rows of others are passed over: returns these names (a hundred
-/// at most) with the numbers of their rows.
+/// Reads the rows of `antennas`; returns the other names in the table (a hundred at most) with their
+/// numbers of rows.
 ///
 /// Rows that cannot be used are noted in `damage`, the rest is read.
 ///
@@ -126,10 +128,28 @@ impl Columns {
         })
     }
 
-    /// One row.
     fn row<'a>(&self, line: &'a [u8], antennas: &[String]) -> Result<Row<'a>, String> {
-        const MOST: usize = 64;
-        let mut fields = [&[][..]; MOST];
+        let mut fields = [&[][..]; FIELDS_MAX];
+        self.split(line, &mut fields)?;
+        let fields = &fields;
+        let name = text(fields[self.name])?;
+        let Some(antenna) = antennas.iter().position(|antenna| antenna == name) else {
+            return Ok(Row::OfAnother(name));
+        };
+        let time = self.time(fields)?;
+        let Some(quality) = self.quality(fields)? else { return Ok(Row::WithoutSolution) };
+        Ok(Row::Fix(PositionFix {
+            time,
+            antenna,
+            position_m: self.place(fields)?,
+            sd_ned_m: self.sd(fields)?,
+            quality,
+            is_above_geoid: false,
+        }))
+    }
+
+    /// Puts the fields of a row in their places.
+    fn split<'a>(&self, line: &'a [u8], fields: &mut [&'a [u8]]) -> Result<(), String> {
         let mut count = 0;
         for field in line.split(|byte| *byte == b',') {
             if let Some(slot) = fields.get_mut(count) {
@@ -137,79 +157,60 @@ impl Columns {
             }
             count += 1;
         }
-        if count < self.count || self.count > MOST {
+        if count < self.count || self.count > fields.len() {
             return Err(format!("{count} fields where the header has {}", self.count));
         }
-        let name = text(fields[self.name])?;
-        let Some(antenna) = antennas.iter().position(|antenna| antenna == name) else {
-            return Ok(Row::OfAnother(name));
+        Ok(())
+    }
+
+    fn time(&self, fields: &[&[u8]]) -> Result<GpsTime, String> {
+        let dated = |column: usize, parse: fn(&str) -> Option<GpsTime>| {
+            let word = text(fields[column])?;
+            parse(word).ok_or_else(|| format!("no time: `{word}`"))
         };
-        let numbers = |columns: &[usize; 3]| -> Result<[f64; 3], String> {
-            Ok([
-                number(fields[columns[0]])?,
-                number(fields[columns[1]])?,
-                number(fields[columns[2]])?,
-            ])
-        };
-        let time = match &self.time {
+        match self.time {
             TimeColumns::WeekTow([week, tow]) => {
-                let (week, tow) = (text(fields[*week])?, number(fields[*tow])?);
+                let (week, tow) = (text(fields[week])?, number(fields[tow])?);
                 let week: i32 = week.parse().map_err(|_| format!("week `{week}` is no number"))?;
                 GpsTime::from_week_tow(week, tow)
-                    .ok_or_else(|| format!("no time: week {week}, {tow} s"))?
+                    .ok_or_else(|| format!("no time: week {week}, {tow} s"))
             }
-            TimeColumns::Utc(column) => {
-                let word = text(fields[*column])?;
-                parse_utc(word).ok_or_else(|| format!("no time: `{word}`"))?
-            }
+            TimeColumns::Utc(column) => dated(column, parse_utc),
             TimeColumns::Gpst(column) => {
-                let word = text(fields[*column])?;
-                let calendar = parse_calendar(word);
-                calendar
-                    .and_then(GpsTime::from_calendar)
-                    .ok_or_else(|| format!("no time: `{word}`"))?
+                dated(column, |word| GpsTime::from_calendar(parse_calendar(word)?))
             }
-        };
-        let Some(quality) = self.quality(&fields)? else { return Ok(Row::WithoutSolution) };
-        let position_m = match &self.place {
+        }
+    }
+
+    fn place(&self, fields: &[&[u8]]) -> Result<Vector<Ecef>, String> {
+        checked_place(match self.place {
             PlaceColumns::Ecef(columns) => {
-                let [x, y, z] = numbers(columns)?;
+                let [x, y, z] = numbers(fields, columns)?;
                 Vector::new(x, y, z)
             }
             PlaceColumns::Geodetic(columns) => {
-                let [latitude, longitude, height] = numbers(columns)?;
+                let [latitude, longitude, height] = numbers(fields, columns)?;
                 if latitude.abs() > 90.0 || longitude.abs() > 360.0 {
                     return Err(format!("no place: latitude {latitude}, longitude {longitude}"));
                 }
                 Geodetic::from_degrees(latitude, longitude, height).to_ecef()
             }
-        };
-        let position_m = checked_place(position_m)?;
-        let sd_ned_m = match &self.sd {
-            Some(columns) if columns.iter().all(|column| !fields[*column].is_empty()) => {
-                let sd = numbers(columns)?;
-                if sd.iter().any(|sd| *sd <= 0.0) {
-                    let [north, east, down] = sd;
-                    return Err(format!(
-                        "standard deviations {north}, {east} and {down} are not all positive"
-                    ));
-                }
-                Some(sd)
-            }
-            _ => None,
-        };
-        Ok(Row::Fix(PositionFix {
-            time,
-            antenna,
-            position_m,
-            sd_ned_m,
-            quality,
-            is_above_geoid: false,
-        }))
+        })
     }
-}
 
-impl Columns {
+    /// Standard deviations north, east and down, m; `None` if one of them is blank.
+    fn sd(&self, fields: &[&[u8]]) -> Result<Option<[f64; 3]>, String> {
+        let is_given = |columns: &[usize; 3]| columns.iter().all(|c| !fields[*c].is_empty());
+        let Some(columns) = self.sd.filter(is_given) else { return Ok(None) };
+        let sd @ [north, east, down] = numbers(fields, columns)?;
+        if sd.iter().any(|sd| *sd <= 0.0) {
+            return Err(format!(
+                "standard deviations {north}, {east} and {down} are not all positive"
+            ));
+        }
+        Ok(Some(sd))
+    }
+
     /// The kind of solution, by the words of Kurs; `None` for rows that say themselves that they have
     /// none.
     fn quality(&self, fields: &[&[u8]]) -> Result<Option<Quality>, String> {
@@ -260,6 +261,10 @@ fn parse_calendar(word: &str) -> Option<Calendar> {
         second: time.next()?.parse().ok()?,
     };
     (date.next().is_none() && time.next().is_none()).then_some(calendar)
+}
+
+fn numbers(fields: &[&[u8]], [a, b, c]: [usize; 3]) -> Result<[f64; 3], String> {
+    Ok([number(fields[a])?, number(fields[b])?, number(fields[c])?])
 }
 
 fn text(field: &[u8]) -> Result<&str, String> {
