@@ -101,6 +101,23 @@ pub(crate) struct AntennaTable {
     pub(crate) antenna_id: Option<AntennaId>,
 }
 
+impl AntennaTable {
+    /// Refuses a type without calibrations, and an orientation that turns nothing or is out of range.
+    fn check_calibration(&self, antex: &AntexTable) -> Result<(), UsageError> {
+        let what = match (&self.antenna_type, self.antenna_orientation_deg) {
+            (Some(_), _) if antex.files.is_empty() => {
+                "`antenna_type` needs the calibrations: give `[antex] files`".into()
+            }
+            (None, Some(_)) => "`antenna_orientation_deg` without `antenna_type`".into(),
+            (_, Some(degrees)) if !(-360.0..=360.0).contains(&degrees) => {
+                format!("`antenna_orientation_deg` is {degrees}, expected -360 to 360")
+            }
+            _ => return Ok(()),
+        };
+        Err(UsageError(format!("antenna `{}`: {what}", self.name)))
+    }
+}
+
 fn antenna_id<'de, D: Deserializer<'de>>(text: D) -> Result<Option<AntennaId>, D::Error> {
     String::deserialize(text)?.parse().map(Some).map_err(serde::de::Error::custom)
 }
@@ -155,6 +172,17 @@ pub(crate) struct NavTable {
     pub(crate) approximate_time: Option<toml::value::Datetime>,
 }
 
+impl NavTable {
+    fn check(&self) -> Result<(), UsageError> {
+        match &self.approximate_time {
+            Some(time) if gps_time(time).is_none() => Err(UsageError(format!(
+                "nav.approximate_time is {time}, expected a date since 1980 such as 2024-06-24"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// A fixed station at a known place.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -191,6 +219,19 @@ pub(crate) struct StationTable {
 }
 
 impl StationTable {
+    /// Refuses coordinates that are not on the Earth.
+    fn check_place(&self) -> Result<(), UsageError> {
+        let Some([x, y, z]) = self.position_ecef_m else { return Ok(()) };
+        let radius_m = (x * x + y * y + z * z).sqrt();
+        if (6.3e6..7e6).contains(&radius_m) {
+            return Ok(());
+        }
+        Err(UsageError(format!(
+            "station.position_ecef_m is {radius_m:.0} m from the Earth's centre, expected ECEF \
+             coordinates of a place on the Earth"
+        )))
+    }
+
     /// For those who do not go by what the station says.
     ///
     /// # Errors
@@ -720,18 +761,26 @@ impl Loaded {
     }
 
     fn check(&self) -> Result<(), UsageError> {
-        let Config { antenna, nav, antex, point, .. } = &self.config;
+        let Config { antenna, point, station, .. } = &self.config;
         if antenna.len() < 2 {
             return Err(UsageError(format!(
                 "{} `[[antenna]]` in the configuration, at least two are needed for an attitude",
                 antenna.len()
             )));
         }
-        let names: Vec<&str> = antenna
-            .iter()
-            .map(|a| a.name.as_str())
-            .chain(point.iter().map(|p| p.name.as_str()))
-            .collect();
+        self.check_names()?;
+        self.config.nav.check()?;
+        station.as_ref().map_or(Ok(()), StationTable::check_place)?;
+        antenna.iter().try_for_each(|a| a.check_calibration(&self.config.antex))?;
+        point.iter().try_for_each(PointTable::check)?;
+        self.check_positions()
+    }
+
+    /// Every antenna and point must have a name of its own.
+    fn check_names(&self) -> Result<(), UsageError> {
+        let Config { antenna, point, .. } = &self.config;
+        let names: Vec<&String> =
+            antenna.iter().map(|a| &a.name).chain(point.iter().map(|p| &p.name)).collect();
         for (index, name) in names.iter().enumerate() {
             if name.is_empty() || names[..index].contains(name) {
                 return Err(UsageError(format!(
@@ -739,63 +788,24 @@ impl Loaded {
                 )));
             }
         }
-        if let Some(time) = &nav.approximate_time
-            && gps_time(time).is_none()
-        {
-            return Err(UsageError(format!(
-                "nav.approximate_time is {time}, expected a date since 1980 such as 2024-06-24"
-            )));
+        Ok(())
+    }
+
+    /// All antennas must have a position, or none; points need them.
+    fn check_positions(&self) -> Result<(), UsageError> {
+        let Config { antenna, point, .. } = &self.config;
+        let without: Vec<&str> =
+            antenna.iter().filter(|a| a.position_m.is_none()).map(|a| a.name.as_str()).collect();
+        if without.is_empty() || point.is_empty() && without.len() == antenna.len() {
+            return Ok(());
         }
-        if let Some([x, y, z]) = self.config.station.as_ref().and_then(|s| s.position_ecef_m) {
-            let radius_m = (x * x + y * y + z * z).sqrt();
-            if !(6.3e6..7e6).contains(&radius_m) {
-                return Err(UsageError(format!(
-                    "station.position_ecef_m is {radius_m:.0} m from the Earth's centre, expected ECEF \
-                     coordinates of a place on the Earth"
-                )));
-            }
-        }
-        for a in antenna {
-            match (&a.antenna_type, a.antenna_orientation_deg) {
-                (Some(_), _) if antex.files.is_empty() => {
-                    return Err(UsageError(format!(
-                        "antenna `{}`: `antenna_type` needs the calibrations: give `[antex] files`",
-                        a.name
-                    )));
-                }
-                (None, Some(_)) => {
-                    return Err(UsageError(format!(
-                        "antenna `{}`: `antenna_orientation_deg` without `antenna_type`",
-                        a.name
-                    )));
-                }
-                (_, Some(degrees)) if !(-360.0..=360.0).contains(&degrees) => {
-                    return Err(UsageError(format!(
-                        "antenna `{}`: `antenna_orientation_deg` is {degrees}, expected -360 to 360",
-                        a.name
-                    )));
-                }
-                _ => {}
-            }
-        }
-        point.iter().try_for_each(PointTable::check)?;
-        let positions = antenna.iter().filter(|a| a.position_m.is_some()).count();
-        if positions != 0 && positions != antenna.len() {
-            let without: Vec<_> = antenna
-                .iter()
-                .filter(|a| a.position_m.is_none())
-                .map(|a| a.name.as_str())
-                .collect();
+        if without.len() < antenna.len() {
             return Err(UsageError(format!(
                 "`position_m` is missing for {}: give it for every antenna or for none",
                 without.join(", ")
             )));
         }
-        if point.is_empty() || positions > 0 {
-            Ok(())
-        } else {
-            Err(UsageError("`[[point]]` needs the `position_m` of every antenna".into()))
-        }
+        Err(UsageError("`[[point]]` needs the `position_m` of every antenna".into()))
     }
 
     /// The constraint in force: the known array wherever it is known; of two antennas that is their

@@ -222,54 +222,21 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let destination = Destination::of(&args.out)?;
     let folder = OutputFolder::begin(destination.path(), OUTPUTS, &session.inputs())?;
-    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
+    let mut input = Input::open(loaded)?;
     if !args.quiet {
-        phase_centers.tell();
+        input.phase_centers.tell();
     }
-    streams.keep_systems(|system| settings.wants_system(system));
-    let mut review = Review::new(args, loaded, &navigation)?;
-    let mut outputs = Outputs::create(folder.path(), &args.format, loaded)?;
-    let capable = streams.antennas_with_epochs() >= 2;
+    input.streams.keep_systems(|system| settings.wants_system(system));
+    let mut results = Results::begin(args, loaded, &settings, &input.navigation, folder.path())?;
     let watch = Watch::begin();
-    let mut backward = match loaded.config.solve.direction {
-        DirectionKey::Both if capable => {
-            let settings = Settings { direction: Direction::Backward, ..settings.clone() };
-            let mounts = phase_centers.mounts.clone();
-            let engine = engine(loaded, settings, navigation.clone(), mounts)?;
-            let mut progress = Progress::start(args.quiet, Work::BACKWARD);
-            let rows = backward::solve(loaded, &navigation, engine, &watch, &mut progress)?;
-            progress.finish();
-            rows
-        }
-        _ => BackwardRows::default(),
-    };
-    let mut unobserved = UnobservedBands::of(settings.bands.as_deref());
+    let backward = backward_rows(args, loaded, &settings, &input, &watch)?;
+    let Input { navigation, mut streams, phase_centers, mut damage } = input;
     let mut engine = engine(loaded, settings, navigation, phase_centers.mounts)?;
-
-    let mut summary = Summary::new(antenna_names(loaded));
-    let mut copies = Copies::default();
-    let mut spans: Vec<SessionSpan> =
-        antenna_names(loaded).iter().map(|_| SessionSpan::default()).collect();
     let mut progress = Progress::start(args.quiet, Work::SOLVE);
-    let mut epoch = ArrayEpoch::default();
-    while !watch.asks_to_end() && streams.next(&mut epoch)? {
-        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
-        unobserved.add(&epoch);
-        spans.iter_mut().zip(&epoch.antennas).for_each(|(span, antenna)| {
-            antenna.iter().for_each(|own| span.add(own.time));
-        });
-        let mut row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
-        row = backward.join(row);
-        if copies.add(&epoch) {
-            refuse_zero_baseline(&mut row);
-        }
-        summary.add(&row, row.shared_satellites >= 4);
-        outputs.write(&row)?;
-        review.add(&epoch, &row);
-        progress.epoch(row.is_fixed(), || streams.share());
-    }
+    solve_rows(&mut streams, &mut engine, backward, &watch, &mut progress, &mut results)?;
     let wall_s = progress.finish();
 
+    let Results { outputs, review, mut summary, copies, spans, unobserved } = results;
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
     damage.extend(streams.late());
     damage.extend(input::misdated(loaded, &spans));
@@ -294,9 +261,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         () if !args.quiet => {
             let told = closing(&summary, &damage, &args.out);
             output::print(format_args!("{told}{}", review.text()))?;
-            let asks = !watch.was_interrupted();
-            let line = asks.then(|| review::in_one_line(loaded, &summary, &copies)).flatten();
-            line.map_or(Ok(()), |line| output::print(format_args!("{line}\n")))?;
+            if !watch.was_interrupted()
+                && let Some(line) = review::in_one_line(loaded, &summary, &copies)
+            {
+                output::print(format_args!("{line}\n"))?;
+            }
         }
         () => {}
     }
@@ -304,6 +273,97 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     bail!("{}", why_nothing(loaded, &summary, &streams, &unobserved));
+}
+
+/// Whether an attitude can be solved: that takes two antennas.
+fn is_capable(streams: &Streams) -> bool {
+    streams.antennas_with_epochs() >= 2
+}
+
+/// The rows from the end of the session to its begin, where both directions are asked for.
+fn backward_rows(
+    args: &Args,
+    loaded: &Loaded,
+    settings: &Settings,
+    input: &Input,
+    watch: &Watch,
+) -> anyhow::Result<BackwardRows> {
+    if loaded.config.solve.direction == DirectionKey::Forward || !is_capable(&input.streams) {
+        return Ok(BackwardRows::default());
+    }
+    let settings = Settings { direction: Direction::Backward, ..settings.clone() };
+    let mounts = input.phase_centers.mounts.clone();
+    let engine = engine(loaded, settings, input.navigation.clone(), mounts)?;
+    let mut progress = Progress::start(args.quiet, Work::BACKWARD);
+    let rows = backward::solve(loaded, &input.navigation, engine, watch, &mut progress)?;
+    progress.finish();
+    Ok(rows)
+}
+
+/// Solves epoch by epoch and joins each row with that of the backward run.
+fn solve_rows(
+    streams: &mut Streams,
+    engine: &mut Differential,
+    mut backward: BackwardRows,
+    watch: &Watch,
+    progress: &mut Progress,
+    results: &mut Results,
+) -> anyhow::Result<()> {
+    let capable = is_capable(streams);
+    let mut epoch = ArrayEpoch::default();
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
+        let row = if capable { engine.push(&epoch, None) } else { not_capable(&epoch) };
+        let is_fixed = results.add(&epoch, backward.join(row))?;
+        progress.epoch(is_fixed, || streams.share());
+    }
+    Ok(())
+}
+
+/// What comes of the epochs and their rows.
+struct Results {
+    outputs: Outputs,
+    review: Review,
+    summary: Summary,
+    copies: Copies,
+    /// The times of each antenna's epochs.
+    spans: Vec<SessionSpan>,
+    unobserved: UnobservedBands,
+}
+
+impl Results {
+    fn begin(
+        args: &Args,
+        loaded: &Loaded,
+        settings: &Settings,
+        navigation: &NavigationData,
+        folder: &Path,
+    ) -> anyhow::Result<Self> {
+        let names = antenna_names(loaded);
+        Ok(Self {
+            review: Review::new(args, loaded, navigation)?,
+            outputs: Outputs::create(folder, &args.format, loaded)?,
+            spans: names.iter().map(|_| SessionSpan::default()).collect(),
+            summary: Summary::new(names),
+            copies: Copies::default(),
+            unobserved: UnobservedBands::of(settings.bands.as_deref()),
+        })
+    }
+
+    /// Takes an epoch and its row; tells whether the row is fixed.
+    fn add(&mut self, epoch: &ArrayEpoch, mut row: EpochSolution) -> anyhow::Result<bool> {
+        self.unobserved.add(epoch);
+        for (span, antenna) in self.spans.iter_mut().zip(&epoch.antennas) {
+            antenna.iter().for_each(|own| span.add(own.time));
+        }
+        if self.copies.add(epoch) {
+            refuse_zero_baseline(&mut row);
+        }
+        self.summary.add(&row, row.shared_satellites >= 4);
+        self.outputs.write(&row)?;
+        self.review.add(epoch, &row);
+        Ok(row.is_fixed())
+    }
 }
 
 /// Removes what a run left in its folder.
