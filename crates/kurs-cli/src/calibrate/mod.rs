@@ -7,10 +7,13 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use kurs::calibration::allan::{self, AllanPoint};
+use kurs::calibration::gyro_bias::{self, GyroBias};
 use kurs::calibration::sensor_model::{Pose, SensorModel};
 use kurs::calibration::static_intervals::{self, RestSettings};
-use kurs::calibration::{allan, gyro_bias, multi_pose, six_position};
+use kurs::calibration::{multi_pose, six_position};
 use kurs::fusion::earth::gravity::normal_gravity_mps2;
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::failure::{ExitCode, UsageError};
@@ -81,6 +84,8 @@ struct Input {
 
 /// What a run may leave in its folder.
 const OUTPUTS: &[&str] = &["calibration.toml", "residuals.csv", "allan.csv", "report.html"];
+
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// The local gravity and how sure it is.
 #[derive(Debug, Clone, Copy)]
@@ -246,7 +251,7 @@ fn poses(files: &[PathBuf]) -> anyhow::Result<Vec<Pose>> {
                     "{}: axis {} reads exactly {:.4} m/s² all through pose {}: saturated, or its \
                      resolution is too coarse",
                     file.display(),
-                    ["x", "y", "z"][axis],
+                    AXES[axis],
                     samples[rest.start][axis],
                     poses.len() + 1
                 );
@@ -291,42 +296,7 @@ fn report_accelerometer(
     if !numbers.chain(&model.bias_mps2).chain(&model.bias_sd_mps2).all(|value| value.is_finite()) {
         bail!("the poses do not determine the calibration: a value of it is no number");
     }
-    let mut told = String::new();
-    writeln!(
-        told,
-        "{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²",
-        poses.len()
-    )?;
-    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        writeln!(
-            told,
-            "{name}: scale {:.6} ± {:.6}, bias {:+.5} ± {:.5} m/s²",
-            model.matrix[(axis, axis)],
-            model.matrix_sd[(axis, axis)],
-            model.bias_mps2[axis],
-            model.bias_sd_mps2[axis]
-        )?;
-    }
-    let sum: f64 = residuals.iter().map(|residual| residual * residual).sum();
-    writeln!(told, "length residuals {:.5} m/s² rms", (sum / residuals.len() as f64).sqrt())?;
-    if let Some(pose) = worst_misfit(poses, &residuals) {
-        writeln!(
-            told,
-            "the poses do not fit one linear sensor; pose {} fits worst ({:+.3} m/s²): did it move, or is an \
-             axis saturated? The stated sigmas do not hold",
-            pose + 1,
-            residuals[pose]
-        )?;
-    }
-    if let Some(common) = model.suspected_gravity_error() {
-        writeln!(
-            told,
-            "all three scale factors are off by {:+.2} %: is the local gravity right? {:.3} m/s² would \
-             explain it",
-            common * 100.0,
-            gravity_mps2 * (1.0 + common)
-        )?;
-    }
+    let told = accelerometer_text(gravity, poses, model, &residuals);
     let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
     write_residuals(folder.path(), poses, &residuals)?;
     report::accelerometer(folder.path(), poses, model, &residuals)?;
@@ -340,6 +310,52 @@ fn report_accelerometer(
     };
     let calibration = CalibrationFile { accelerometer: Some(table), gyro: None };
     input.finish(folder, &calibration, &told)
+}
+
+/// The values of each axis, and what makes them doubtful.
+fn accelerometer_text(
+    gravity: &Gravity,
+    poses: &[Pose],
+    model: &SensorModel,
+    residuals: &[f64],
+) -> String {
+    let Gravity { mps2: gravity_mps2, sd_mps2: gravity_sd_mps2 } = *gravity;
+    let mut told = format!(
+        "{} resting poses, gravity {gravity_mps2:.5} ± {gravity_sd_mps2} m/s²\n",
+        poses.len()
+    );
+    for (axis, name) in AXES.iter().enumerate() {
+        let _ = writeln!(
+            told,
+            "{name}: scale {:.6} ± {:.6}, bias {:+.5} ± {:.5} m/s²",
+            model.matrix[(axis, axis)],
+            model.matrix_sd[(axis, axis)],
+            model.bias_mps2[axis],
+            model.bias_sd_mps2[axis]
+        );
+    }
+    let sum: f64 = residuals.iter().map(|residual| residual * residual).sum();
+    let rms_mps2 = (sum / residuals.len() as f64).sqrt();
+    let _ = writeln!(told, "length residuals {rms_mps2:.5} m/s² rms");
+    if let Some(pose) = worst_misfit(poses, residuals) {
+        let _ = writeln!(
+            told,
+            "the poses do not fit one linear sensor; pose {} fits worst ({:+.3} m/s²): did it move, or is an \
+             axis saturated? The stated sigmas do not hold",
+            pose + 1,
+            residuals[pose]
+        );
+    }
+    if let Some(common) = model.suspected_gravity_error() {
+        let _ = writeln!(
+            told,
+            "all three scale factors are off by {:+.2} %: is the local gravity right? {:.3} m/s² would \
+             explain it",
+            common * 100.0,
+            gravity_mps2 * (1.0 + common)
+        );
+    }
+    told
 }
 
 /// The pose with the largest residual, if that is far beyond the noise of the means.
@@ -360,9 +376,27 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
     if log.gyro.is_empty() {
         bail!("{}: no gyro columns (gx_radps, gy_radps, gz_radps)", file.display());
     }
+    let samples = longest_rest(file, &log)?;
+    let bias = checked_bias(file, samples)?;
+    let noise = GyroNoise::of(file, samples, log.step_s())?;
+    let told = gyro_text(&bias, &noise, samples.len() as f64 * log.step_s());
+    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
+    write_allan(folder.path(), &noise.curves)?;
+    report::gyro(folder.path(), &noise.curves)?;
+    let gyro = GyroTable {
+        bias_radps: bias.bias_radps.into(),
+        bias_sd_radps: bias.sd_radps.into(),
+        noise_radps_per_sqrt_hz: noise.density,
+        bias_instability_radps: noise.instability,
+    };
+    input.finish(folder, &CalibrationFile { accelerometer: None, gyro: Some(gyro) }, &told)
+}
+
+/// The gyro samples of the longest rest, rad/s.
+fn longest_rest<'a>(file: &Path, log: &'a SensorLog) -> anyhow::Result<&'a [Vector3<f64>]> {
     let rests = static_intervals::find(&log.gyro, &RestSettings::for_step(log.step_s()));
     let Some(rest) = rests.into_iter().max_by_key(ExactSizeIterator::len) else {
-        bail!("{}: {}", file.display(), without_rest(&log));
+        bail!("{}: {}", file.display(), without_rest(log));
     };
     let samples = &log.gyro[rest];
     if let Some(axis) = static_intervals::stuck_axis(samples) {
@@ -370,10 +404,15 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
             "{}: axis {} reads exactly {:.4} rad/s all through the rest: stuck, or its resolution is too \
              coarse",
             file.display(),
-            ["x", "y", "z"][axis],
+            AXES[axis],
             samples[0][axis]
         );
     }
+    Ok(samples)
+}
+
+/// The bias at rest; one that no gyro has is refused.
+fn checked_bias(file: &Path, samples: &[Vector3<f64>]) -> anyhow::Result<GyroBias> {
     let bias = gyro_bias::calibrate(samples)?;
     let most_radps = bias.bias_radps.amax();
     if most_radps > MAX_BIAS_RADPS {
@@ -383,51 +422,63 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
             file.display()
         );
     }
-    let mut curves = Vec::new();
-    let (mut noise, mut instability) = ([0.0; 3], [0.0; 3]);
-    for axis in 0..3 {
-        let values: Vec<f64> = samples.iter().map(|sample| sample[axis]).collect();
-        let curve = allan::deviation(&values, log.step_s());
-        let Some(summary) = allan::summary(&curve) else {
-            bail!(
-                "{}: the longest rest has {} samples, too few for the Allan deviation of the noise",
-                file.display(),
-                samples.len()
-            );
-        };
-        noise[axis] = summary.noise_density;
-        instability[axis] = summary.bias_instability;
-        curves.push(curve);
+    Ok(bias)
+}
+
+/// The noise of each axis by its Allan deviation.
+struct GyroNoise {
+    curves: Vec<Vec<AllanPoint>>,
+    /// rad/s/√Hz
+    density: [f64; 3],
+    /// rad/s
+    instability: [f64; 3],
+}
+
+impl GyroNoise {
+    fn of(file: &Path, samples: &[Vector3<f64>], step_s: f64) -> anyhow::Result<Self> {
+        let mut noise = Self { curves: Vec::new(), density: [0.0; 3], instability: [0.0; 3] };
+        for axis in 0..3 {
+            let values: Vec<f64> = samples.iter().map(|sample| sample[axis]).collect();
+            let curve = allan::deviation(&values, step_s);
+            let Some(summary) = allan::summary(&curve) else {
+                bail!(
+                    "{}: the longest rest has {} samples, too few for the Allan deviation of the noise",
+                    file.display(),
+                    samples.len()
+                );
+            };
+            noise.density[axis] = summary.noise_density;
+            noise.instability[axis] = summary.bias_instability;
+            noise.curves.push(curve);
+        }
+        Ok(noise)
     }
-    let mut told = String::new();
-    writeln!(told, "rest of {:.1} s", samples.len() as f64 * log.step_s())?;
+}
+
+fn gyro_text(bias: &GyroBias, noise: &GyroNoise, rest_s: f64) -> String {
+    let mut told = format!("rest of {rest_s:.1} s\n");
     let per_hour = 1f64.to_degrees() * 3600.0;
-    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        writeln!(
+    for (axis, name) in AXES.iter().enumerate() {
+        let _ = writeln!(
             told,
             "{name}: bias {:+.3} ± {:.3} °/h, noise {:.4} °/√h, bias instability {:.3} °/h",
             bias.bias_radps[axis] * per_hour,
             bias.sd_radps[axis] * per_hour,
-            noise[axis].to_degrees() * 60.0,
-            instability[axis] * per_hour
-        )?;
+            noise.density[axis].to_degrees() * 60.0,
+            noise.instability[axis] * per_hour
+        );
     }
-    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
-    let mut table = OutputFile::create(folder.path(), "allan.csv")?;
+    told
+}
+
+fn write_allan(out: &Path, curves: &[Vec<AllanPoint>]) -> anyhow::Result<()> {
+    let mut table = OutputFile::create(out, "allan.csv")?;
     writeln!(table, "tau_s,x_radps,y_radps,z_radps,relative_sd")?;
     for (k, point) in curves[0].iter().enumerate() {
         let [x, y, z] = [0, 1, 2].map(|axis| curves[axis][k].deviation);
         writeln!(table, "{},{x:e},{y:e},{z:e},{:.4}", point.tau_s, point.relative_sd)?;
     }
-    table.finish()?;
-    report::gyro(folder.path(), &curves)?;
-    let gyro = GyroTable {
-        bias_radps: bias.bias_radps.into(),
-        bias_sd_radps: bias.sd_radps.into(),
-        noise_radps_per_sqrt_hz: noise,
-        bias_instability_radps: instability,
-    };
-    input.finish(folder, &CalibrationFile { accelerometer: None, gyro: Some(gyro) }, &told)
+    table.finish()
 }
 
 fn rows(matrix: &nalgebra::Matrix3<f64>) -> [[f64; 3]; 3] {

@@ -59,35 +59,49 @@ pub(super) fn wrong(patient: &Patient<'_>, sample: &Sample, trials: &Trials) -> 
         .collect();
     let evidence = format!("distances in the data: {}", listed.join("; "));
     if let Some((unit, metres)) = unit(&distances) {
-        return Some(Finding {
-            code: "wrong_unit",
-            cause: format!("`position_m` seems to be in {unit}, not in metres"),
-            evidence,
-            advice: format!("multiply every `position_m` by {metres}"),
-        });
+        return Some(wrong_unit(unit, metres, evidence));
     }
     if let Some(order) = geometry::swapped(&distances, array, sd_m) {
-        let moved: Vec<String> = (0..order.len())
-            .filter(|i| order[*i] != *i)
-            .map(|i| format!("the data of {} fit the place of {}", name(i), name(order[i])))
-            .collect();
-        return Some(Finding {
-            code: "swapped_antennas",
-            cause: "antennas are swapped".into(),
-            evidence: format!("{}; {evidence}", moved.join(", ")),
-            advice: "exchange the `obs` files or the `position_m` of these antennas".into(),
-        });
+        return Some(swapped(&order, patient.names, &evidence));
     }
-    let cause = match geometry::misplaced(&distances, array.len(), sd_m) {
-        Some(antenna) => format!("the position of antenna {} is wrong", name(antenna)),
+    let misplaced = geometry::misplaced(&distances, array.len(), sd_m);
+    Some(wrong_geometry(misplaced.map(|antenna| name(antenna).as_str()), evidence))
+}
+
+fn wrong_unit(unit: &str, metres: f64, evidence: String) -> Finding {
+    Finding {
+        code: "wrong_unit",
+        cause: format!("`position_m` seems to be in {unit}, not in metres"),
+        evidence,
+        advice: format!("multiply every `position_m` by {metres}"),
+    }
+}
+
+/// Antennas whose data fit each other's places: those of antenna i fit the place of `order[i]`.
+fn swapped(order: &[usize], names: &[String], evidence: &str) -> Finding {
+    let moved: Vec<String> = (0..order.len())
+        .filter(|i| order[*i] != *i)
+        .map(|i| format!("the data of {} fit the place of {}", names[i], names[order[i]]))
+        .collect();
+    Finding {
+        code: "swapped_antennas",
+        cause: "antennas are swapped".into(),
+        evidence: format!("{}; {evidence}", moved.join(", ")),
+        advice: "exchange the `obs` files or the `position_m` of these antennas".into(),
+    }
+}
+
+fn wrong_geometry(misplaced: Option<&str>, evidence: String) -> Finding {
+    let cause = match misplaced {
+        Some(antenna) => format!("the position of antenna {antenna} is wrong"),
         None => "the configured geometry is wrong".into(),
     };
-    Some(Finding {
+    Finding {
         code: "wrong_geometry",
         cause,
         evidence,
         advice: "measure again, or take the positions of `kurs survey`".into(),
-    })
+    }
 }
 
 /// The unit in which all known distances are those of the data.

@@ -80,30 +80,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let inputs = [args.config.clone(), folder.join(&config.imu.file)];
     let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
-    let mut table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
-    let mut tilt: Option<Tilt> = None;
-    let (mut rows, mut left_out) = (0u64, 0u64);
-    for (time_s, sample) in sensor.by_ref() {
-        let shown = sample.specific_force_mps2.map(|force| shown_by_gravity(&force.xyz()));
-        let Some(now) = &mut tilt else {
-            tilt = shown.map(|angles| Tilt::new(&config.tilt, smoothing, angles, time_s));
-            continue;
-        };
-        if time_s <= now.last_s {
-            left_out += 1;
-            continue;
-        }
-        let rate = sample.rate_radps.map(|rate| rate.xyz());
-        let [angles, smoothed] = now.update(time_s, rate, shown);
-        let shown = shown.map_or([f64::NAN; 2], |angles| angles);
-        table.real(Some(time_s), 4);
-        for angle in [angles, shown, smoothed].as_flattened() {
-            table.real(Some(angle.to_degrees()), 4);
-        }
-        table.end_row()?;
-        rows += 1;
-    }
-    table.finish()?;
+    let table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
+    let Rows { written: rows, left_out } = write_rows(&mut sensor, &config.tilt, smoothing, table)?;
     sensor.damage().iter().for_each(|damage| eprintln!("{damage}"));
     if left_out > 0 {
         eprintln!("{left_out} samples left out: their time goes back");
@@ -118,6 +96,47 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         output::print(format_args!("{rows} rows written to {}\n", args.out.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Numbers of samples.
+#[derive(Default)]
+struct Rows {
+    written: u64,
+    /// Not later than the one before.
+    left_out: u64,
+}
+
+/// Filters the samples of a log and writes a row for each but the first one, which starts the filters.
+fn write_rows(
+    sensor: &mut Sensor,
+    config: &TiltConfig,
+    smoothing: ExponentialSmoothing,
+    mut table: Table,
+) -> anyhow::Result<Rows> {
+    let mut tilt: Option<Tilt> = None;
+    let mut rows = Rows::default();
+    for (time_s, sample) in sensor {
+        let shown = sample.specific_force_mps2.map(|force| shown_by_gravity(&force.xyz()));
+        let Some(now) = &mut tilt else {
+            tilt = shown.map(|angles| Tilt::new(config, smoothing, angles, time_s));
+            continue;
+        };
+        if time_s <= now.last_s {
+            rows.left_out += 1;
+            continue;
+        }
+        let rate = sample.rate_radps.map(|rate| rate.xyz());
+        let [angles, smoothed] = now.update(time_s, rate, shown);
+        let shown = shown.map_or([f64::NAN; 2], |angles| angles);
+        table.real(Some(time_s), 4);
+        for angle in [angles, shown, smoothed].as_flattened() {
+            table.real(Some(angle.to_degrees()), 4);
+        }
+        table.end_row()?;
+        rows.written += 1;
+    }
+    table.finish()?;
+    Ok(rows)
 }
 
 impl TiltConfig {

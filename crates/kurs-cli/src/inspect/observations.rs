@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use kurs::ephemeris::NavigationData;
 use kurs::observation::AntennaEpoch;
 use kurs::signal::Signal;
 use kurs_formats::content::Content;
+use kurs_formats::damage::DamageLog;
 use kurs_formats::logs::{Census, LogOptions, LogPart};
 use kurs_formats::observations::ObservationSource;
 use kurs_formats::rinex::observation::{Event, ObservationHeader};
@@ -135,44 +137,57 @@ pub(super) fn inspect(
     let stated_m = source.stated_position_m();
     let sky = sky.report(stated_m);
     let header = source.header();
-    let mut oddities = oddities(header, &gathered, sky.as_ref());
-    let is_log = header.is_none();
-    if sky.is_none() && !navigation.ephemerides.is_empty() {
-        oddities.push("no sky: the navigation data are of other satellites or times".into());
-    } else if is_log && navigation.ephemerides.is_empty() {
-        oddities
-            .push(format!("no ephemerides in the log: for an attitude {SOURCES_OF_EPHEMERIDES}"));
-    }
-    let is_dated = source.is_dated();
-    if !is_dated {
-        oddities.push("the week is not known: give --date or --nav".into());
-    }
-    let (mut damage, mut damage_count) = (source.damage().to_vec(), source.damage_count());
-    if let Some(of_ephemerides) = census.and_then(|_| log_damage.get(file)) {
-        damage.extend_from_slice(of_ephemerides.listed());
-        damage.sort_by_key(|damage| damage.line);
-        damage_count += of_ephemerides.total();
-    }
+    let damage = damage_report(&source, census.and_then(|_| log_damage.get(file)));
     Ok(ObservationReport {
         file: source.name().to_owned(),
         part: part.map(|part| part.to_string()),
         format: format_of(content, &source),
         stated_position_ecef_m: stated_m.map(|position_m| position_m.xyz().into()),
         header: header.map(HeaderReport::new),
-        time: gathered.timeline.report(is_dated),
+        time: gathered.timeline.report(source.is_dated()),
         messages: census
             .map_or_else(Vec::new, |census| messages(census, gathered.timeline.duration_s())),
         satellites: gathered.satellites_by_system(),
         signals: signal_reports(&gathered),
         geometry_free: jump_reports(&gathered),
         events: events(&source),
-        oddities,
+        oddities: all_oddities(&source, &gathered, sky.as_ref(), navigation),
         sky,
-        damage: DamageReport {
-            unit: if is_log { "byte" } else { "line" },
-            ..DamageReport::new(&damage, damage_count)
-        },
+        damage,
     })
+}
+
+/// What is odd about the observations, and what is missing beside them.
+fn all_oddities(
+    source: &ObservationSource,
+    gathered: &Gathered,
+    sky: Option<&SkyReport>,
+    navigation: &NavigationData,
+) -> Vec<String> {
+    let header = source.header();
+    let mut oddities = oddities(header, gathered, sky);
+    if sky.is_none() && !navigation.ephemerides.is_empty() {
+        oddities.push("no sky: the navigation data are of other satellites or times".into());
+    } else if header.is_none() && navigation.ephemerides.is_empty() {
+        oddities
+            .push(format!("no ephemerides in the log: for an attitude {SOURCES_OF_EPHEMERIDES}"));
+    }
+    if !source.is_dated() {
+        oddities.push("the week is not known: give --date or --nav".into());
+    }
+    oddities
+}
+
+/// The damage of a file, with that of the ephemerides in it.
+fn damage_report(source: &ObservationSource, of_ephemerides: Option<&DamageLog>) -> DamageReport {
+    let (mut damage, mut count) = (source.damage().to_vec(), source.damage_count());
+    if let Some(of_ephemerides) = of_ephemerides {
+        damage.extend_from_slice(of_ephemerides.listed());
+        damage.sort_by_key(|damage| damage.line);
+        count += of_ephemerides.total();
+    }
+    let unit = if source.header().is_none() { "byte" } else { "line" };
+    DamageReport { unit, ..DamageReport::new(&damage, count) }
 }
 
 fn format_of(content: &Content, source: &ObservationSource) -> String {

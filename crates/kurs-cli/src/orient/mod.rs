@@ -129,18 +129,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let inputs = positions::files(&args.positions, &names)?;
     let named = inputs.iter().cloned().chain([args.config.clone()]).collect::<Vec<_>>();
     let folder = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
-    let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
-    let mut input = positions::read(&args.positions, options, &config)?;
-    input.epochs.retain(|epoch| args.window.contains(epoch.time));
-    if input.epochs.is_empty() {
-        let files = args.positions.join(", ");
-        let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
-        let why = if notes.is_empty() { damaged(&input.damage) } else { notes };
-        bail!("no position of the antennas {} in {files}{why}", names.join(", "));
-    }
-    if !args.quiet {
-        input.notes.iter().for_each(|note| eprintln!("{note}"));
-    }
+    let input = read_positions(args, &config, &names)?;
 
     let array = match given {
         Some(array) => array,
@@ -185,12 +174,35 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
-    if let [only] = present.into_iter().collect::<Vec<_>>()[..] {
-        bail!("only antenna {} has positions: an attitude needs those of two", names[only]);
+    let present: Vec<usize> = present.into_iter().collect();
+    bail!("{}", why_nothing(&present, &names, &summary))
+}
+
+/// Reads the positions of the window, and says what is odd about them.
+fn read_positions(args: &Args, config: &Config, names: &[String]) -> anyhow::Result<Positions> {
+    let options = NmeaOptions { date: args.date, accept_no_checksum: args.accept_no_checksum };
+    let mut input = positions::read(&args.positions, options, config)?;
+    input.epochs.retain(|epoch| args.window.contains(epoch.time));
+    if input.epochs.is_empty() {
+        let files = args.positions.join(", ");
+        let notes: String = input.notes.iter().map(|note| format!("\n{note}")).collect();
+        let why = if notes.is_empty() { damaged(&input.damage) } else { notes };
+        bail!("no position of the antennas {} in {files}{why}", names.join(", "));
     }
-    match summary.main_reason() {
-        Some("few_antennas") => bail!("no epoch has two antennas: do the times overlap?"),
-        _ => bail!("no epoch has an attitude"),
+    if !args.quiet {
+        input.notes.iter().for_each(|note| eprintln!("{note}"));
+    }
+    Ok(input)
+}
+
+/// Why not a single row has an attitude; `present`: the antennas that have positions.
+fn why_nothing(present: &[usize], names: &[String], summary: &Summary) -> String {
+    match (present, summary.main_reason()) {
+        ([only], _) => {
+            format!("only antenna {} has positions: an attitude needs those of two", names[*only])
+        }
+        (_, Some("few_antennas")) => "no epoch has two antennas: do the times overlap?".into(),
+        _ => "no epoch has an attitude".into(),
     }
 }
 

@@ -11,8 +11,8 @@ use plotly::layout::{Axis, Layout, RangeMode};
 use plotly::{Plot, Scatter};
 use serde_json::{Value, json};
 
-use super::improvement::{MARGIN_M, MOVE_M};
-use super::{Answer, Epoch, Plan};
+use super::improvement::{Improvement, MARGIN_M, MOVE_M};
+use super::{Answer, Choice, Epoch, Plan};
 use crate::page::colour::{BLUE, GREEN, ORANGE, VERMILION};
 use crate::page::{Page, laid_out};
 
@@ -69,40 +69,10 @@ pub(super) fn write_page(plan: &Plan, directory: &Path) -> anyhow::Result<()> {
 pub(super) fn document(plan: &Plan) -> Value {
     let names = plan.file.names();
     let epochs: Vec<Value> = plan.epochs.iter().map(epoch_json).collect();
-    let choices: Vec<Value> = plan
-        .choices
-        .iter()
-        .map(|choice| match &choice.answer {
-            Ok(answer) => json!({
-                "criterion": criterion_name(choice.criterion),
-                "baselines": answer.pairs.iter().map(|(i, j)| [names[*i], names[*j]]).collect::<Vec<_>>(),
-                "value": answer.value,
-                "gap": answer.gap,
-                "time_ms": answer.milliseconds,
-                "error_relative_to_all_antennas": finite(answer.relative_error),
-            }),
-            Err(error) => json!({
-                "criterion": criterion_name(choice.criterion),
-                "refused": error.to_string(),
-            }),
-        })
-        .collect();
-    let improvement = plan.improvement.as_ref().map(|improvement| {
-        json!({
-            "weakest_axis_body": improvement.weakest_axis.as_slice(),
-            "weakest_sd_deg": improvement.weakest_sd_rad.to_degrees(),
-            "total_deg": improvement.total_rad.to_degrees(),
-            "moved": improvement.moved.map(|(antenna, place, total_rad)| json!({
-                "antenna": names[antenna],
-                "position_m": place.as_slice(),
-                "total_deg": total_rad.to_degrees(),
-            })),
-            "added": improvement.added.map(|(place, total_rad)| json!({
-                "position_m": place.as_slice(),
-                "total_deg": total_rad.to_degrees(),
-            })),
-        })
-    });
+    let choices: Vec<Value> =
+        plan.choices.iter().map(|choice| choice_json(choice, &names)).collect();
+    let improvement =
+        plan.improvement.as_ref().map(|improvement| improvement_json(improvement, &names));
     let length_constrained: Vec<Value> = plan
         .length_constrained
         .iter()
@@ -131,6 +101,40 @@ pub(super) fn document(plan: &Plan) -> Value {
         "improvement": improvement,
         "graph": graph_name(plan.file.plan.graph()),
         "choices": choices,
+    })
+}
+
+fn choice_json(choice: &Choice, names: &[&str]) -> Value {
+    match &choice.answer {
+        Ok(answer) => json!({
+            "criterion": criterion_name(choice.criterion),
+            "baselines": answer.pairs.iter().map(|(i, j)| [names[*i], names[*j]]).collect::<Vec<_>>(),
+            "value": answer.value,
+            "gap": answer.gap,
+            "time_ms": answer.milliseconds,
+            "error_relative_to_all_antennas": finite(answer.relative_error),
+        }),
+        Err(error) => json!({
+            "criterion": criterion_name(choice.criterion),
+            "refused": error.to_string(),
+        }),
+    }
+}
+
+fn improvement_json(improvement: &Improvement, names: &[&str]) -> Value {
+    json!({
+        "weakest_axis_body": improvement.weakest_axis.as_slice(),
+        "weakest_sd_deg": improvement.weakest_sd_rad.to_degrees(),
+        "total_deg": improvement.total_rad.to_degrees(),
+        "moved": improvement.moved.map(|(antenna, place, total_rad)| json!({
+            "antenna": names[antenna],
+            "position_m": place.as_slice(),
+            "total_deg": total_rad.to_degrees(),
+        })),
+        "added": improvement.added.map(|(place, total_rad)| json!({
+            "position_m": place.as_slice(),
+            "total_deg": total_rad.to_degrees(),
+        })),
     })
 }
 

@@ -110,78 +110,116 @@ const VALUES: [(&str, &str, Quantity); 6] = [
 ];
 const TIMES: [&str; 3] = ["time_utc", "time_gpst", "time_s"];
 
-/// Columns: a time, `station`, values, optionally their standard deviations and `reference`.
+/// Reads a table: a time, `station`, values, optionally their standard deviations and `reference`.
 fn from_csv(config: &Config, text: &str) -> anyhow::Result<Vec<Observation>> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-    let headers = reader.headers()?.clone();
-    let known = |name: &str| {
-        TIMES.contains(&name)
-            || ["station", "reference"].contains(&name)
-            || VALUES.iter().any(|(value, sd, _)| [*value, *sd].contains(&name))
-    };
-    if let Some(unknown) = headers.iter().find(|name| !known(name)) {
-        bail!("line 1: unknown column `{unknown}`");
-    }
-    let column = |name: &str| headers.iter().position(|header| header == name);
-    let times: Vec<_> = TIMES.iter().filter_map(|name| Some((*name, column(name)?))).collect();
-    let [(time_name, time_column)] = times[..] else {
-        let found = times.len();
-        bail!("line 1: {found} of the columns time_utc, time_gpst, time_s found, one expected");
-    };
-    let station_column = column("station").context("line 1: the column `station` is needed")?;
-
+    let columns = Columns::of(reader.headers()?)?;
     let mut observations = Vec::new();
-    for row in reader.records() {
-        let row = row?;
-        let line = row.position().map_or(0, csv::Position::line);
-        let field =
-            |name: &str| column(name).and_then(|index| row.get(index)).filter(|f| !f.is_empty());
-        let number = |name: &str| -> anyhow::Result<Option<f64>> {
-            let parse = |text: &str| {
-                let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-                number.with_context(|| format!("line {line}: {name}: `{text}` is not a number"))
-            };
-            field(name).map(parse).transpose()
+    for record in reader.records() {
+        let record = &record?;
+        let line = record.position().map_or(0, csv::Position::line);
+        Row { config, columns: &columns, record, line }.read(&mut observations)?;
+    }
+    Ok(observations)
+}
+
+/// Where the columns of a table are.
+struct Columns {
+    headers: csv::StringRecord,
+    time: (&'static str, usize),
+    station: usize,
+}
+
+impl Columns {
+    fn of(headers: &csv::StringRecord) -> anyhow::Result<Self> {
+        let known = |name: &str| {
+            TIMES.contains(&name)
+                || ["station", "reference"].contains(&name)
+                || VALUES.iter().any(|(value, sd, _)| [*value, *sd].contains(&name))
         };
-        let time_text = &row[time_column];
-        let is_no_time = || format!("line {line}: {time_name}: `{time_text}` is not a time");
-        let time = match time_name {
-            "time_utc" => TimeSystem::Utc.instant(time_text).with_context(is_no_time)?,
-            "time_gpst" => TimeSystem::Gps.instant(time_text).with_context(is_no_time)?,
-            _ => {
-                let time_s: f64 = time_text.parse().ok().with_context(is_no_time)?;
-                config
-                    .track
-                    .instant(time_s)
-                    .map_err(|UsageError(what)| anyhow!("line {line}: {what}"))?
-            }
+        if let Some(unknown) = headers.iter().find(|name| !known(name)) {
+            bail!("line 1: unknown column `{unknown}`");
+        }
+        let column = |name: &str| headers.iter().position(|header| header == name);
+        let times: Vec<_> = TIMES.iter().filter_map(|name| Some((*name, column(name)?))).collect();
+        let [time] = times[..] else {
+            let found = times.len();
+            bail!("line 1: {found} of the columns time_utc, time_gpst, time_s found, one expected");
         };
-        let index_of = |name: &str| {
-            let index = config.index_of(name);
-            index.with_context(|| format!("line {line}: no station is called `{name}`"))
-        };
-        let station = index_of(&row[station_column])?;
+        let station = column("station").context("line 1: the column `station` is needed")?;
+        Ok(Self { headers: headers.clone(), time, station })
+    }
+}
+
+/// One row of a table.
+struct Row<'a> {
+    config: &'a Config,
+    columns: &'a Columns,
+    record: &'a csv::StringRecord,
+    line: u64,
+}
+
+impl Row<'_> {
+    /// Adds the measurements of all value columns.
+    fn read(&self, observations: &mut Vec<Observation>) -> anyhow::Result<()> {
+        let line = self.line;
+        let time = self.time()?;
+        let station = self.station(&self.record[self.columns.station])?;
         for (value_name, sd_name, quantity) in VALUES {
-            let Some(value) = number(value_name)? else { continue };
+            let Some(value) = self.number(value_name)? else { continue };
             let quantity = match quantity {
                 Quantity::RangeDifference { .. } => {
-                    let name = field("reference");
+                    let name = self.field("reference");
                     let name =
                         name.with_context(|| format!("line {line}: `reference` is empty"))?;
-                    Quantity::RangeDifference { reference: index_of(name)? }
+                    Quantity::RangeDifference { reference: self.station(name)? }
                 }
                 other => other,
             };
             let unit = if value_name.ends_with("_deg") { 1.0_f64.to_radians() } else { 1.0 };
-            let sigma = match number(sd_name)? {
+            let sigma = match self.number(sd_name)? {
                 Some(sigma) if sigma > 0.0 => sigma * unit,
                 Some(sigma) => bail!("line {line}: {sd_name}: {sigma} is not above zero"),
-                None => config.station[station].sigma(quantity)?,
+                None => self.config.station[station].sigma(quantity)?,
             };
             let measurement = Measurement { station, quantity, value: value * unit, sigma };
             check(&measurement).with_context(|| format!("line {line}"))?;
             observations.push(Observation { time, measurement });
         }
+        Ok(())
     }
-    Ok(observations)
+
+    fn time(&self) -> anyhow::Result<GpsTime> {
+        let (line, (name, column)) = (self.line, self.columns.time);
+        let text = &self.record[column];
+        let is_no_time = || format!("line {line}: {name}: `{text}` is not a time");
+        match name {
+            "time_utc" => TimeSystem::Utc.instant(text).with_context(is_no_time),
+            "time_gpst" => TimeSystem::Gps.instant(text).with_context(is_no_time),
+            _ => {
+                let time_s: f64 = text.parse().ok().with_context(is_no_time)?;
+                let time = self.config.track.instant(time_s);
+                time.map_err(|UsageError(what)| anyhow!("line {line}: {what}"))
+            }
+        }
+    }
+
+    fn station(&self, name: &str) -> anyhow::Result<usize> {
+        let index = self.config.index_of(name);
+        index.with_context(|| format!("line {}: no station is called `{name}`", self.line))
+    }
+
+    /// The field of a column, unless it is blank or the table has no such column.
+    fn field(&self, name: &str) -> Option<&str> {
+        let column = self.columns.headers.iter().position(|header| header == name)?;
+        self.record.get(column).filter(|field| !field.is_empty())
+    }
+
+    fn number(&self, name: &str) -> anyhow::Result<Option<f64>> {
+        let parse = |text: &str| {
+            let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.with_context(|| format!("line {}: {name}: `{text}` is not a number", self.line))
+        };
+        self.field(name).map(parse).transpose()
+    }
 }

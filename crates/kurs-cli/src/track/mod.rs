@@ -19,6 +19,7 @@ use kurs::trajectory::station::Station;
 use serde::Serialize;
 
 use self::config::{Config, SimulateConfig};
+use self::input::Observation;
 use self::monte_carlo::SetComparison;
 use self::path::{PathFound, Status};
 use self::simulate::TruePoint;
@@ -83,55 +84,32 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = InputFile::open(&args.config)?;
     let config = Config::read(file.path(), &args.set)?;
     let stations = config.stations()?;
-    let simulate = match (&config.simulate, args.simulate) {
-        (Some(simulate), true) => Some(simulate),
-        (None, true) => {
-            return Err(UsageError("--simulate needs a table [simulate]".to_owned()).into());
-        }
-        (_, false) => None,
-    };
+    let simulation = Simulation::of(args, &config, &stations)?;
     let folder = &pipe::folder_of(file.path());
-
-    let truth = simulate.map(|simulate| simulate::truth(&config, simulate)).transpose()?;
-    let mut observations = match (simulate, &truth) {
-        (Some(simulate), Some(truth)) => {
-            let seed = args.seed.unwrap_or(simulate.seed);
-            simulate::observations(&config, simulate, &stations, truth, seed)?
-        }
-        _ => input::read(&config, folder)?,
-    };
-    observations.retain(|observation| args.window.contains(observation.time));
-    if observations.is_empty() {
-        bail!("no measurement is inside --from, --to and --every");
-    }
-    let inputs: Vec<PathBuf> = config.track.files.iter().map(|file| folder.join(file)).collect();
-    let named: Vec<PathBuf> = if args.simulate { Vec::new() } else { inputs.clone() };
-    let outputs = OutputFolder::begin(&args.out, OUTPUTS, &named)?;
-    if let Some(truth) = &truth {
-        write::simulated(&config, &observations, truth, outputs.path())?;
+    let observations = observations(args, &config, &stations, simulation.as_ref(), folder)?;
+    let files = config.track.files.iter().filter(|_| !args.simulate);
+    let files: Vec<PathBuf> = files.map(|file| folder.join(file)).collect();
+    let outputs = OutputFolder::begin(&args.out, OUTPUTS, &files)?;
+    if let Some(simulation) = &simulation {
+        write::simulated(&config, &observations, &simulation.truth, outputs.path())?;
     }
     let found = path::find(&config, &stations, &observations)?;
+    let mut told = String::new();
     write::trajectory(&found.points, outputs.path())?;
     write::residuals(&config, &found, outputs.path())?;
-    let mut told = String::new();
     write::parameters(&config, &found, outputs.path(), &mut told)?;
     write::maps(&found.points, outputs.path())?;
     let counts = Counts::of(&found, observations.len());
     writeln!(told, "{counts}")?;
 
     let mut comparisons = Vec::new();
-    if let (Some(simulate), Some(truth)) = (simulate, &truth) {
-        tell_errors(&found, truth, &mut told);
+    if let Some(simulation) = &simulation {
+        tell_errors(&found, &simulation.truth, &mut told);
         if let Some(draws) = args.monte_carlo {
-            let draws = draws.max(1);
-            let seed = args.seed.unwrap_or(simulate.seed);
-            let trial =
-                Trial { config: &config, simulate, stations: &stations, truth, draws, seed };
-            comparisons = compare_sets(&trial, outputs.path(), &mut told)?;
+            comparisons = simulation.compare_sets(draws.max(1), outputs.path(), &mut told)?;
         }
     }
     if args.report {
-        let files = if args.simulate { Vec::new() } else { inputs };
         report::write(&config, &stations, &found, &comparisons, &files, outputs.path())?;
     }
     output::write_json(outputs.path(), "summary.json", &counts)?;
@@ -149,30 +127,71 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// What a comparison of sets of measurements needs.
-struct Trial<'a> {
+/// The measurements of the window, read or simulated.
+fn observations(
+    args: &Args,
+    config: &Config,
+    stations: &[Station],
+    simulation: Option<&Simulation<'_>>,
+    folder: &Path,
+) -> anyhow::Result<Vec<Observation>> {
+    let mut observations = match simulation {
+        Some(Simulation { table, truth, seed, .. }) => {
+            simulate::observations(config, table, stations, truth, *seed)?
+        }
+        None => input::read(config, folder)?,
+    };
+    observations.retain(|observation| args.window.contains(observation.time));
+    if observations.is_empty() {
+        bail!("no measurement is inside --from, --to and --every");
+    }
+    Ok(observations)
+}
+
+/// What `--simulate` makes.
+struct Simulation<'a> {
     config: &'a Config,
-    simulate: &'a SimulateConfig,
     stations: &'a [Station],
-    truth: &'a [TruePoint],
-    draws: usize,
+    table: &'a SimulateConfig,
+    truth: Vec<TruePoint>,
     seed: u64,
 }
 
-fn compare_sets(
-    trial: &Trial<'_>,
-    out: &Path,
-    told: &mut String,
-) -> anyhow::Result<Vec<SetComparison>> {
-    let Trial { config, simulate, stations, truth, draws, seed } = *trial;
-    let began = Instant::now();
-    let comparisons = monte_carlo::run(config, &simulate.set, stations, truth, draws, seed)?;
-    let elapsed_s = began.elapsed().as_secs_f64();
-    monte_carlo::report(&comparisons, out, told)?;
-    let total: usize = comparisons.iter().map(|c| c.points.len() * draws).sum();
-    writeln!(told, "{total} draws in {elapsed_s:.2} s")?;
-    monte_carlo::deviations(config, &simulate.set, stations, truth, seed, out)?;
-    Ok(comparisons)
+impl<'a> Simulation<'a> {
+    /// The simulation that is asked for, if one is.
+    fn of(
+        args: &Args,
+        config: &'a Config,
+        stations: &'a [Station],
+    ) -> anyhow::Result<Option<Self>> {
+        if !args.simulate {
+            return Ok(None);
+        }
+        let Some(table) = &config.simulate else {
+            return Err(UsageError("--simulate needs a table [simulate]".to_owned()).into());
+        };
+        let truth = simulate::truth(config, table)?;
+        let seed = args.seed.unwrap_or(table.seed);
+        Ok(Some(Self { config, stations, table, truth, seed }))
+    }
+
+    /// Compares sets of measurements by `draws` of the noise at each point.
+    fn compare_sets(
+        &self,
+        draws: usize,
+        out: &Path,
+        told: &mut String,
+    ) -> anyhow::Result<Vec<SetComparison>> {
+        let Self { config, stations, table, truth, seed } = self;
+        let began = Instant::now();
+        let comparisons = monte_carlo::run(config, &table.set, stations, truth, draws, *seed)?;
+        let elapsed_s = began.elapsed().as_secs_f64();
+        monte_carlo::report(&comparisons, out, told)?;
+        let total: usize = comparisons.iter().map(|c| c.points.len() * draws).sum();
+        writeln!(told, "{total} draws in {elapsed_s:.2} s")?;
+        monte_carlo::deviations(config, &table.set, stations, truth, *seed, out)?;
+        Ok(comparisons)
+    }
 }
 
 /// `summary.json`: how many measurements and points of each kind there are.

@@ -6,7 +6,9 @@ use kurs::trajectory::least_squares::{NotSolved, refine};
 use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs::trajectory::outliers::{Screened, exclude_outliers};
 use kurs::trajectory::problem::{Correlation, Problem};
-use kurs::trajectory::smoother::{Model, Parameter, TimedMeasurement, Trajectory, smooth};
+use kurs::trajectory::smoother::{
+    Model, Parameter, TimedMeasurement, Trajectory, TrajectoryPoint, smooth,
+};
 use kurs::trajectory::station::Station;
 use nalgebra::Matrix3;
 
@@ -264,15 +266,30 @@ fn smoothed(
     observations: &[Observation],
 ) -> anyhow::Result<PathFound> {
     let start_time = observations[0].time;
-    let seconds = |time: GpsTime| time - start_time;
     let start = rough_start(config, stations, observations)?;
-    let mut path: Vec<(f64, Vector<Ecef>)> =
-        start.iter().map(|(time, position)| (seconds(*time), *position)).collect();
-    let parameters: Vec<Parameter> =
-        config.station.iter().enumerate().flat_map(|(k, s)| s.parameters(k)).collect();
+    let start = start.iter().map(|(time, position)| (*time - start_time, *position)).collect();
     let jerk = config.track.jerk_mps2_per_sqrt_s;
+    let parameters = config.station.iter().enumerate().flat_map(|(k, s)| s.parameters(k)).collect();
     let model = Model { jerk_density: jerk * jerk, parameters };
+    let (trajectory, mut residuals) =
+        smooth_without_outliers(config, stations, observations, start, &model)?;
+    residuals.sort_by_key(|residual| residual.observation.time);
+    let point = |p: &TrajectoryPoint| path_point(p, start_time + p.time_s, &residuals);
+    let points = trajectory.points.iter().map(point).collect();
+    let parameters = model.parameters.into_iter().zip(trajectory.parameters).collect();
+    Ok(PathFound { points, residuals, parameters })
+}
 
+/// Smooths until no residual is an outlier; `path`: positions to start from, by seconds from the
+/// first measurement. The residuals are those of all measurements, of outliers when they were found.
+fn smooth_without_outliers(
+    config: &Config,
+    stations: &[Station],
+    observations: &[Observation],
+    mut path: Vec<(f64, Vector<Ecef>)>,
+    model: &Model,
+) -> anyhow::Result<(Trajectory, Vec<Residual>)> {
+    let seconds = |time: GpsTime| time - observations[0].time;
     let mut kept: Vec<Observation> = observations.to_vec();
     let mut residuals: Vec<Residual> = Vec::new();
     let mut trajectory: Option<Trajectory> = None;
@@ -285,7 +302,7 @@ fn smoothed(
                 TimedMeasurement { time_s: seconds(o.time), measurement }
             })
             .collect();
-        let smoothed = smooth(stations, &timed, &path, &model)?;
+        let smoothed = smooth(stations, &timed, &path, model)?;
         path = smoothed.points.iter().map(|p| (p.time_s, p.position_m)).collect();
         let is_outlier =
             |k: usize| (smoothed.residuals[k] / kept[k].measurement.sigma).abs() > OUTLIER_SIGMAS;
@@ -304,31 +321,25 @@ fn smoothed(
         let mut flags = outliers.iter();
         kept.retain(|_| flags.next() == Some(&false));
     }
-    let trajectory = trajectory.ok_or_else(|| anyhow::anyhow!("no measurements"))?;
-    residuals.sort_by_key(|residual| residual.observation.time);
-    let point = |p: &kurs::trajectory::smoother::TrajectoryPoint| {
-        let time = start_time + p.time_s;
-        let at = |excluded: bool| {
-            residuals
-                .iter()
-                .filter(|r| r.excluded == excluded && r.observation.time == time)
-                .count()
-        };
-        PathPoint {
-            time,
-            status: Status::Ok,
-            reason: String::new(),
-            position_m: Some(p.position_m),
-            velocity_mps: Some(p.velocity_mps),
-            covariance_m2: Some(p.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
-            measurements: at(false),
-            excluded: at(true),
-            likelihood: None,
-        }
+    Ok((trajectory.ok_or_else(|| anyhow::anyhow!("no measurements"))?, residuals))
+}
+
+fn path_point(p: &TrajectoryPoint, time: GpsTime, residuals: &[Residual]) -> PathPoint {
+    let count = |excluded: bool| {
+        let is_own = |r: &&Residual| r.excluded == excluded && r.observation.time == time;
+        residuals.iter().filter(is_own).count()
     };
-    let points = trajectory.points.iter().map(point).collect();
-    let parameters = model.parameters.into_iter().zip(trajectory.parameters).collect();
-    Ok(PathFound { points, residuals, parameters })
+    PathPoint {
+        time,
+        status: Status::Ok,
+        reason: String::new(),
+        position_m: Some(p.position_m),
+        velocity_mps: Some(p.velocity_mps),
+        covariance_m2: Some(p.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
+        measurements: count(false),
+        excluded: count(true),
+        likelihood: None,
+    }
 }
 
 /// Points found one by one, over longer and longer intervals until there are two at least.
