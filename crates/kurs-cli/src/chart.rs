@@ -1,4 +1,4 @@
-//! What the plots of all pages share: curves over the time of day whose gaps are seen, and plain maps.
+//! What the plots of all pages share: curves over the time of day that show gaps, and plain maps.
 
 use kurs::time::GpsTime;
 use plotly::common::{Anchor, Line, Marker, MarkerSymbol, Mode, Title};
@@ -11,13 +11,14 @@ use crate::page::laid_out;
 /// 1970-01-01 to the first day of GPS time, s: plots count from there.
 const GPS_EPOCH_S: i64 = 315_964_800;
 const NS_PER_MS: i64 = 1_000_000;
-/// A line is broken where the time to the next value is so many times the usual one: nothing between.
+/// A line is broken where the time to the next value is so many times the usual one: nothing
+/// between.
 const BREAK: f64 = 1.5;
-/// Of the map's width that its scale takes, at most.
+/// Share of the map's width that its scale takes, at most.
 const MAX_SCALE_SHARE: f64 = 0.25;
 /// A map goes so many times its extent to either side of its middle.
 const MAP_MARGIN: f64 = 0.62;
-/// Of what is written into a map.
+/// Colour of what is written into a map.
 const INK: &str = "#222222";
 /// Smallest map, m: what does not move is a point on it.
 const MIN_MAP_M: f64 = 0.01;
@@ -35,7 +36,7 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Of these instants.
+    /// The clock of these instants.
     pub(crate) fn new(times: impl IntoIterator<Item = GpsTime>) -> Self {
         let ms: Vec<f64> = times.into_iter().map(milliseconds).collect();
         let mut steps: Vec<f64> = ms.windows(2).map(|two| two[1] - two[0]).collect();
@@ -45,7 +46,8 @@ impl Clock {
         Self { ms, longest_ms }
     }
 
-    /// The axis of a curve of which only one instant of `group` neighbours is there: their spacing is uneven.
+    /// The axis of a curve of which only one instant of `group` neighbours is there: their spacing
+    /// is uneven.
     pub(crate) fn thinned(mut self, group: usize) -> Self {
         if group > 1 {
             self.longest_ms *= 2.0;
@@ -85,8 +87,8 @@ impl Clock {
         laid_out(Layout::new().x_axis(time).y_axis(axis.auto_margin(true)))
     }
 
-    /// Draws a curve: a line, broken where there are no values, and a mark for each value that stands
-    /// alone between gaps.
+    /// Draws a curve: a line, broken where there are no values, and a mark for each value that
+    /// stands alone between gaps.
     pub(crate) fn draw(
         &self,
         plot: &mut Plot,
@@ -129,8 +131,8 @@ pub(crate) fn milliseconds(time: GpsTime) -> f64 {
     (time.as_nanoseconds() / NS_PER_MS + GPS_EPOCH_S * 1000) as f64
 }
 
-/// The one value of a curve that never leaves it by more than `tolerance`; `None` where it moves, or has no
-/// value at all. What says nothing more needs no plot.
+/// The one value of a curve that never leaves it by more than `tolerance`; `None` where it moves,
+/// or has no value at all. What says nothing more needs no plot.
 pub(crate) fn constant(curve: &Curve, tolerance: f64) -> Option<f64> {
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for value in curve.iter().flatten() {
@@ -158,8 +160,8 @@ fn map_axis(title: &str, unit: &str) -> Axis {
         .zero_line(false)
 }
 
-/// Ends a map: shows all of these places, with north and a scale, and words at some of them; `unit` is that of
-/// the axes.
+/// Ends a map: shows all of these places, with north and a scale, and words at some of them; `unit`
+/// is that of the axes.
 pub(crate) fn finish_map(
     plot: &mut Plot,
     places: &[[f64; 2]],

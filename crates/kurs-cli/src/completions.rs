@@ -1,5 +1,5 @@
-//! `kurs completions` and `kurs man`: what shells and the manual know of the command line, from the command
-//! line itself.
+//! `kurs completions` and `kurs man`: what shells and the manual know of the command line, from the
+//! command line itself.
 
 use std::path::PathBuf;
 

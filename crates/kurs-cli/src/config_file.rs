@@ -62,8 +62,8 @@ pub(crate) fn typed<T: DeserializeOwned>(table: &toml::Table) -> Result<T, Strin
         .map_err(|UsageError(what)| what.splitn(3, ':').last().unwrap_or("").trim().to_owned())
 }
 
-/// Sets `table.key=value`, or `key=value` of the table `usual`, which is the whole file if it is empty; returns
-/// `table.key`.
+/// Sets `table.key=value`, or `key=value` of the table `usual`, which is the whole file if it is
+/// empty; returns `table.key`.
 pub(crate) fn set(
     table: &mut toml::Table,
     assignment: &str,
@@ -114,7 +114,7 @@ pub(crate) fn parse<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, Us
         UsageError(format!("{name}:{line}: {}", explain(error.message(), found)))
     };
     let read = toml::from_str(text).map_err(refused)?;
-    // Of an array that is too long this reader takes the beginning; that of tables refuses it.
+    // This reader takes the beginning of an array that is too long; that of tables refuses it.
     let mut table: toml::Table = toml::from_str(text).map_err(refused)?;
     leave_dates_out(&mut table);
     match T::deserialize(table) {
@@ -158,7 +158,8 @@ pub(crate) fn line_at(text: &str, byte: usize) -> usize {
     before.iter().filter(|byte| **byte == b'\n').count() + 1
 }
 
-/// Line and words for an array with more values than its key takes; the message has the key in ticks.
+/// Line and words for an array with more values than its key takes; the message has the key in
+/// ticks.
 fn too_long(message: &str, text: &str) -> String {
     let key = message.split('`').nth(1).unwrap_or_default();
     let keys: Vec<&str> = key.split('.').collect();
@@ -190,8 +191,8 @@ fn longest_array(value: &Spanned<DeValue<'_>>, keys: &[&str]) -> Option<(usize, 
     }
 }
 
-/// Turns serde's message into one that names the key, and for an unknown key or word the nearest known
-/// one.
+/// Turns serde's message into one that names the key, and for an unknown key or word the nearest
+/// known one.
 fn explain(message: &str, line: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let mut nearest = |found: &str| {

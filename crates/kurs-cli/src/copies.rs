@@ -6,7 +6,7 @@ use kurs::observation::{AntennaEpoch, ArrayEpoch, Observation};
 
 /// Observation files have three decimals; formats round differently.
 const ROUNDING: f64 = 0.0021;
-/// Equal signals that two receivers never have by chance: each code has its own noise of decimetres.
+/// Equal signals that two receivers never have by chance: the noise of a code is decimetres.
 const MIN_SIGNALS: usize = 4;
 /// Share of the common epochs that makes a copy.
 const MIN_SHARE: f64 = 0.5;

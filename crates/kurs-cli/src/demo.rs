@@ -17,8 +17,8 @@ pub(crate) struct Args {
     /// Folder for the files.
     #[arg(long, value_name = "DIR", default_value = "kurs-out/demo")]
     out: PathBuf,
-    /// The car as live streams: heading while it drives (150 s), JSON lines and metrics at ports of the
-    /// loopback.
+    /// The car as live streams: heading while it drives (150 s), JSON lines and metrics at ports of
+    /// the loopback.
     #[arg(long)]
     live: bool,
     /// Prints summary.json in place of the closing summary.

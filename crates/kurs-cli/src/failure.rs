@@ -1,5 +1,5 @@
-//! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration; 3 it ran, but
-//! nothing was fixed, or less than is required.
+//! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration; 3 it ran,
+//! but nothing was fixed, or less than is required.
 
 use crate::pipe;
 use crate::summary::Summary;

@@ -27,8 +27,8 @@ const CONFIGURATION: &str = "kurs.toml";
 /// A commented configuration for `kurs solve` from files: antennas, bands, what is in them.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files in any order: their content tells what
-    /// they are.
+    /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files in any order: their content
+    /// tells what they are.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Folder for kurs.toml; `-` prints it.
@@ -213,7 +213,8 @@ fn names(bands: &BTreeSet<Band>) -> Vec<String> {
     bands.iter().map(ToString::to_string).collect()
 }
 
-/// Paths as TOML: relative where they are inside the configuration's folder (a printed one's is this).
+/// Paths as TOML: relative where they are inside the configuration's folder (a printed one's is
+/// this).
 fn list(files: &[PathBuf], out: &Path) -> toml::Value {
     let out = if output::is_standard_output(out) { Path::new(".") } else { out };
     let folder = std::path::absolute(out).unwrap_or_default();

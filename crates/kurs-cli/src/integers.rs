@@ -1,5 +1,5 @@
-//! What the integers of a run went through: the checks that they failed, what they do without, and the
-//! antennas that had no part.
+//! What the integers of a run went through: the checks that they failed, what they do without, and
+//! the antennas that had no part.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -55,7 +55,7 @@ pub(crate) struct IdleRow<'a> {
 }
 
 impl Integers {
-    /// Of all these rows of the antennas with these names.
+    /// Counts all these rows; `names`: the antennas.
     pub(crate) fn of(rows: &[EpochSolution], names: &[String]) -> Self {
         let mut counted = Self::default();
         rows.iter().for_each(|row| counted.add(row, names));
@@ -74,7 +74,7 @@ impl Integers {
         for check in &integers.checks {
             let first = Checked { rows: 0, failed: 0, worst: *check };
             let of_kind = self.checks.entry(check.reason).or_insert(first);
-            // A value that is no number is worst of all.
+            // NaN is worst of all.
             if check.p_value.is_nan() || check.p_value < of_kind.worst.p_value {
                 of_kind.worst = *check;
             }

@@ -1,13 +1,13 @@
-//! Ctrl-C, and the signal by which services and queues end a program: a run that watches for it ends at
-//! the next epoch with a valid result of what there is; any other run stops at once and leaves no file
-//! behind that is not whole.
+//! Ctrl-C, and the signal by which services and queues end a program: a run that watches for it
+//! ends at the next epoch with a valid result of what there is; any other run stops at once and
+//! leaves no file behind that is not whole.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use crate::failure::ExitCode;
 use crate::output;
 
-/// Exit status of an interrupted run: 128 and the number of the interrupt signal, as shells have it.
+/// Exit status of an interrupted run: 128 and the number of the interrupt signal, as in shells.
 pub(crate) const INTERRUPTED: u8 = 130;
 
 static IS_WANTED: AtomicBool = AtomicBool::new(false);
@@ -31,8 +31,8 @@ pub(crate) fn catch() {
 #[cfg(not(unix))]
 pub(crate) fn catch() {}
 
-/// The first signal asks a run that watches for its end; the second, or one that nobody watches for,
-/// does not wait.
+/// The first signal asks a run that watches for its end; the second, or one that nobody watches
+/// for, does not wait.
 fn arrived() {
     let is_first = !IS_WANTED.swap(true, Ordering::SeqCst);
     if is_first && WATCHING.load(Ordering::SeqCst) > 0 {

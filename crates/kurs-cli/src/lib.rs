@@ -1,6 +1,6 @@
-//! The program `kurs` as a library: [`run`] is the program, [`embedded`] what other programs call. One file per subcommand,
-//! and what they share: configuration files (`config_file`), outputs that are never half written (`output`) and exit
-//! statuses (`failure`).
+//! The program `kurs` as a library: [`run`] is the program, [`embedded`] what other programs call.
+//! One file per subcommand, and what they share: configuration files (`config_file`), outputs that
+//! are never half written (`output`) and exit statuses (`failure`).
 
 mod batch;
 mod calibrate;
@@ -78,8 +78,8 @@ enum Command {
     Man(completions::ManArgs),
 }
 
-/// Runs the program with these arguments, of which the first is the program's name, and gives its exit
-/// status: 0 done; 1 the input could not be used; 2 wrong usage or configuration.
+/// Runs the program with these arguments, of which the first is the program's name, and gives its
+/// exit status: 0 done; 1 the input could not be used; 2 wrong usage or configuration.
 ///
 /// Results go to standard output and to files, messages to standard error.
 pub fn run(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
@@ -90,7 +90,7 @@ pub fn run(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> 
             let _ = wrong.print();
             return u8::try_from(wrong.exit_code()).unwrap_or(2);
         }
-        // `--help` and `--version`, which are no failures.
+        // `--help` and `--version`, which are not failures.
         Err(help) => {
             let printed = help.print().context(output::UNPRINTED);
             return failure::exit_code(printed.map(|()| ExitCode::SUCCESS)).number();
@@ -109,8 +109,8 @@ impl Cli {
     }
 }
 
-/// The command line, with values of options that begin with a minus: what is wrong with such a number is told by
-/// the option.
+/// The command line, with values of options that begin with a minus: what is wrong with such a
+/// number is told by the option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let takes_value =
         |option: &clap::Arg| option.get_action().takes_values() && !option.is_positional();

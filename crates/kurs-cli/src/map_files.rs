@@ -89,7 +89,7 @@ impl Way {
         })
     }
 
-    /// Longitude, latitude, height of every piece; a line has two ends, so a place alone stands twice.
+    /// Longitude, latitude, height of every piece; a single place stands twice, as a line.
     fn lines(&self) -> impl Iterator<Item = Vec<[f64; 3]>> {
         self.pieces.iter().map(|piece| {
             let mut line: Vec<[f64; 3]> = piece.iter().map(coordinates).collect();

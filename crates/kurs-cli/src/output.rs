@@ -1,5 +1,5 @@
-//! Output files that are never half written: they go to a temporary name and are renamed, and the files
-//! of a long run appear together or not at all.
+//! Output files that are never half written: they go to a temporary name and are renamed, and the
+//! files of a long run appear together or not at all.
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -38,12 +38,12 @@ fn remove(path: &Path) {
     let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
 }
 
-/// A file or folder that is removed when this is dropped, and when the program is told to stop at once.
+/// A file or folder that is removed when this is dropped, and when the program must stop at once.
 #[derive(Debug)]
 pub(crate) struct Temporary(PathBuf);
 
 impl Temporary {
-    /// Of a path that is, or is going to be, there.
+    /// Takes charge of a path that exists, or is about to.
     pub(crate) fn new(path: PathBuf) -> Self {
         temporaries().insert(path.clone());
         Self(path)
@@ -125,8 +125,8 @@ pub(crate) struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Prepares `target`: what an older run of the same command left there, under these names, goes; a
-    /// `*` in a name stands for any letters.
+    /// Prepares `target`: what an older run of the same command left there, under these names,
+    /// goes; a `*` in a name stands for any letters.
     ///
     /// # Errors
     ///
@@ -185,7 +185,7 @@ impl Drop for OutputFolder {
     }
 }
 
-/// Whether a hidden folder belongs to a process that is no more, which systems tell that have `/proc`.
+/// Whether a hidden folder belongs to a process that has ended, as far as `/proc` can tell.
 fn is_left_by_a_killed_run(name: &str) -> bool {
     let processes = Path::new("/proc");
     let process = name.strip_prefix(STAGING).filter(|id| id.parse::<u32>().is_ok());
@@ -248,8 +248,9 @@ impl OutputFile {
         Ok(Self { writer, temporary: Some(temporary), target })
     }
 
-    /// Goes on with a file that is there under its own name from the start; part of a line at its end,
-    /// which a run that was killed may have left, goes. `true` if it was there and has anything in it.
+    /// Goes on with a file that is there under its own name from the start; part of a line at its
+    /// end, which a run that was killed may have left, goes. `true` if it was there and has
+    /// anything in it.
     pub(crate) fn append(directory: &Path, name: &str) -> anyhow::Result<(Self, bool)> {
         fs::create_dir_all(directory)
             .with_context(|| format!("{}: cannot be made", directory.display()))?;

@@ -1,5 +1,5 @@
-//! A self-contained HTML page: headings, text, tables and plots; the plotting script is inside, so that
-//! the page needs no network.
+//! A self-contained HTML page: headings, text, tables and plots; the plotting script is inside, so
+//! that the page needs no network.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -24,8 +24,9 @@ const STYLE: &str = "body{font-family:sans-serif;max-width:60em;margin:2em auto;
     @media(max-width:36em){.plot.square{height:27em}}\
     @media print{.plot,.tiles{break-inside:avoid}h2{break-after:avoid}}";
 
-/// Draws the plots that come into view at once and the others one after the other, while nothing else
-/// is to be done or before the page is printed. A time that is chosen in one plot is shown in all of them. Fingers zoom without buttons, which would lie on the legend.
+/// Draws the plots that come into view at once and the others one after the other, while nothing
+/// else is to be done or before the page is printed. A time that is chosen in one plot is shown in
+/// all of them. Fingers zoom without buttons, which would lie on the legend.
 const DRAWING: &str = "<script>\
 const waiting=new Set(document.querySelectorAll('div.plot'));\
 const isTimed=plot=>plot.classList.contains('time');\
@@ -60,8 +61,8 @@ pub(crate) mod colour {
     pub(crate) const GREY: &str = "#888888";
 }
 
-/// An empty plot: legend above it, as high as it has to be, narrow margins, no buttons but those on the
-/// plot itself.
+/// An empty plot: legend above it, as high as it has to be, narrow margins, no buttons but those on
+/// the plot itself.
 pub(crate) fn laid_out(layout: Layout) -> Plot {
     let mut plot = Plot::new();
     let legend =

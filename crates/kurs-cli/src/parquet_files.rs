@@ -1,5 +1,5 @@
-//! Tables as Parquet files, with the columns and types of the Python module's tables: a CSV file that is whole becomes
-//! one beside it.
+//! Tables as Parquet files, with the columns and types of the Python module's tables: a CSV file
+//! that is whole becomes one beside it.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! `-` and pipes as input: what can be read only once is copied to a temporary file, for its content is
-//! looked at before it is read.
+//! `-` and pipes as input: what can be read only once is copied to a temporary file, for its
+//! content is looked at before it is read.
 
 use std::fs::{self, File};
 use std::io;
@@ -15,8 +15,8 @@ use crate::output::Temporary;
 /// The word for standard input.
 pub(crate) const STANDARD_INPUT: &str = "-";
 
-/// Copies of pipes, by their paths, and what the pipes are called. A name outlives its copy: the message that
-/// ends a command is told when its files are gone.
+/// Copies of pipes, by their paths, and what the pipes are called. A name outlives its copy: the
+/// message that ends a command is told when its files are gone.
 static NAMES: Mutex<Vec<(String, String)>> = Mutex::new(Vec::new());
 
 fn names() -> MutexGuard<'static, Vec<(String, String)>> {
@@ -40,8 +40,8 @@ pub(crate) fn folder_of(path: &Path) -> PathBuf {
     folder.map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
-/// A file that can be read again and again: the one that was given, or the copy of what came through a
-/// pipe, which lives as long as this.
+/// A file that can be read again and again: the one that was given, or the copy of what came
+/// through a pipe, which lives as long as this.
 #[derive(Debug, Clone)]
 pub(crate) struct InputFile {
     path: PathBuf,

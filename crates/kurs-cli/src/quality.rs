@@ -1,5 +1,5 @@
-//! What the fixed epochs of a run are worth, in the few lines at its end: standard deviations, satellites,
-//! gaps.
+//! What the fixed epochs of a run are worth, in the few lines at its end: standard deviations,
+//! satellites, gaps.
 
 use kurs::solution::{AttitudeEstimate, EpochSolution, Outcome};
 
@@ -7,15 +7,15 @@ use crate::report::span;
 use crate::session_span::SessionSpan;
 
 const NAMES: [&str; 3] = ["heading", "pitch", "roll"];
-/// A heading that spreads by so many of its standard deviations, and by more, is one that turns: what is
-/// left of reflections in a body at rest does not go so far.
+/// A heading that spreads by so many of its standard deviations, and by more, is one that turns:
+/// what is left of reflections in a body at rest does not go so far.
 const MIN_TURN_SIGMAS: f64 = 5.0;
 
 /// See the module; fed row by row.
 #[derive(Debug, Default)]
 pub(crate) struct Quality {
-    /// Sum of the logarithms of the standard deviations in degrees, and their number: the few epochs that
-    /// are much worse do not speak for all.
+    /// Sum of the logarithms of the standard deviations in degrees, and their number: the few
+    /// epochs that are much worse do not speak for all.
     ln_sd: [(f64, u64); 3],
     /// Fewest, most, sum and number of the rows that count.
     satellites: Option<(usize, usize, usize, usize)>,

@@ -20,7 +20,7 @@ const ACCELERATION_UNITS: [(&str, f64); 3] =
 
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
-/// Beyond this, in any unit, a reading is none.
+/// Beyond this, in any unit, a reading is invalid.
 const MAX_READING: f64 = 1e9;
 
 /// Usable rows at the beginning of a log whose times are looked at.
@@ -174,7 +174,7 @@ impl Columns {
         self.gyro.is_some()
     }
 
-    /// The values of a row; the error says which is none.
+    /// The values of a row; the error names the one that is not a number.
     pub(crate) fn row(&self, record: &csv::StringRecord) -> Result<SensorRow, String> {
         let time_s = number(record, self.time)?;
         let force = self.accelerometer.as_ref().map(|triple| triple.read(record)).transpose()?;
@@ -301,7 +301,7 @@ fn wrong_times(times_s: &[f64]) -> Option<String> {
     if (MIN_STEP_S..=MAX_STEP_S).contains(&step_s) && largest < MAX_TIME_S {
         return None;
     }
-    // Of the units that make it a sensor's step the one that makes it the most usual one.
+    // Among the units that make it a sensor's step, the one with the most usual step.
     let unusual = |unit_s: f64| (step_s * unit_s / USUAL_STEP_S).ln().abs();
     let fits = |(_, unit_s): &&(&str, f64)| (MIN_STEP_S..=MAX_STEP_S).contains(&(step_s * unit_s));
     let unit = TIME_UNITS.iter().filter(fits).min_by(|a, b| unusual(a.1).total_cmp(&unusual(b.1)));

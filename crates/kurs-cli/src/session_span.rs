@@ -7,11 +7,11 @@ use kurs::time::GpsTime;
 
 /// Share of the steps that may be shorter than the interval: a double epoch, a tag that jumped.
 const MAX_SHORTER_STEPS: f64 = 0.05;
-/// Steps up to so many times the shortest regular one are that interval with jitter, longer ones gaps.
+/// Steps up to this many times the shortest regular one are that interval with jitter, not gaps.
 const JITTER: f64 = 1.5;
 
-/// Rows further from all others than this, s, may have a wrong date: receivers that do not know it yet are off by
-/// months or years, not by less than a day.
+/// Rows further from all others than this, s, may have a wrong date: receivers that do not know it
+/// yet are off by months or years, not by less than a day.
 const FAR_S: f64 = 86_400.0;
 /// Share of the others that they are at most: more of them are a session of another day.
 const MAX_MISDATED: f64 = 0.2;
@@ -66,8 +66,8 @@ impl SessionSpan {
         self.pieces[self.believed()].last().map(|piece| piece.last)
     }
 
-    /// The rows at either end that are few and further from the others than these span: their dates are wrong,
-    /// and the time between is no part of the session.
+    /// The rows at either end that are few and further from the others than these span: their dates
+    /// are wrong, and the time between is not part of the session.
     pub(crate) fn misdated(&self) -> Option<String> {
         let believed = self.believed();
         let ends = self.pieces[..believed.start].iter().chain(&self.pieces[believed.end..]);
@@ -205,7 +205,8 @@ mod tests {
         assert_eq!(span(torn).epochs(), 239);
     }
 
-    /// A receiver that does not know the date when it is switched on, and one whose clock fails at the end.
+    /// A receiver that does not know the date when it is switched on, and one whose clock fails at
+    /// the end.
     #[test]
     fn wrong_dates_make_no_session_of_years() {
         let years_s = 3.0 * 365.0 * 86_400.0;

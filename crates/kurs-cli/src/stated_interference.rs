@@ -21,7 +21,7 @@ struct Counts {
 }
 
 impl StatedInterference {
-    /// Of these epochs.
+    /// Counts what the receivers state in these epochs.
     pub(crate) fn of(epochs: &[ArrayEpoch]) -> Self {
         let mut counted = Self::default();
         epochs.iter().for_each(|epoch| counted.add(epoch));

@@ -36,12 +36,12 @@ pub(crate) struct Summary {
     /// Wanted bands that no antenna observes: their names, and in words.
     unobserved_bands: (Vec<String>, Option<String>),
     quality: Quality,
-    /// Of [`ANGLES`].
+    /// Moments of [`ANGLES`].
     angles: [Moments; 3],
     /// Sum of the variances that the survey of the antennas causes in each angle, rad².
     installation_rad2: [f64; 3],
     turned: MeanDirection,
-    /// Of [`COMPONENTS`], by the antennas at the ends.
+    /// Moments of [`COMPONENTS`], by the antennas at the ends.
     baselines: BTreeMap<(usize, usize), [Moments; 4]>,
 }
 
@@ -67,7 +67,7 @@ impl Damage {
         Self { file, line, what, places: 1 }
     }
 
-    /// Goes into a list; where `most` are listed already, into its last entry, which counts the others.
+    /// Goes into a list; where `most` are listed already, its last entry counts the others.
     pub(crate) fn add_to(self, list: &mut Vec<Self>, most: usize) {
         if let Some(others) = list.get_mut(most) {
             others.places += 1;
@@ -110,7 +110,7 @@ struct MeanDirection {
     east: f64,
 }
 
-/// Name, mean (`None` where there is none that means anything) and standard deviation.
+/// Name, mean (`None` where it would mean nothing) and standard deviation.
 struct Moment {
     name: String,
     mean: Option<f64>,
@@ -150,7 +150,7 @@ pub(crate) struct SummaryFile<'a> {
     installation_sd_deg: InstallationSd,
 }
 
-/// The part of the standard deviations that the survey of the antennas causes and that does not average.
+/// Standard deviations that the survey of the antennas causes: they do not average out.
 #[derive(Debug, Serialize)]
 struct InstallationSd {
     heading: Option<f64>,
@@ -159,7 +159,7 @@ struct InstallationSd {
 }
 
 impl Summary {
-    /// Of a run with these antennas, nothing counted yet.
+    /// For a run with these antennas, nothing counted yet.
     pub(crate) fn new(antennas: Vec<String>) -> Self {
         Self {
             antennas,
@@ -408,7 +408,7 @@ impl Summary {
         let unobserved = self.unobserved_bands.1.iter();
         lines.extend(unobserved.map(|sentence| format!("{sentence}, which `bands` wants")));
         lines.extend(self.quality.lines(&self.span));
-        // Where a body turns, its angles and the directions of its baselines have no mean; lengths have.
+        // Where a body turns, its angles and baselines have no mean direction, but mean lengths.
         let is_turning = self.quality.is_turning(self.angles[0].std());
         for m in self.moments().iter().filter(|m| !is_turning || m.name.ends_with("length_m")) {
             lines.push(format!("{:<24} mean {:>11}  std {:>9.4}", m.name, m.mean_text(), m.std));

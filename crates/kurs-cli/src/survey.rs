@@ -117,7 +117,7 @@ struct SurveyedAntenna<'a> {
     name: &'a str,
     position_m: [f64; 3],
     sd_m: [f64; 3],
-    /// Of one epoch.
+    /// Scatter of one epoch.
     scatter_m: [f64; 3],
 }
 

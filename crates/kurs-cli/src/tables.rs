@@ -153,8 +153,8 @@ impl Tables {
         })
     }
 
-    /// The tables and `antennas` with them: coordinates of every antenna by code differences to a station, as
-    /// `kurs orient` reads them.
+    /// The tables and `antennas` with them: coordinates of every antenna by code differences to a
+    /// station, as `kurs orient` reads them.
     pub(crate) fn with_antennas(
         mut self,
         directory: &Path,
@@ -353,7 +353,7 @@ pub(crate) fn write_attitude(
     t.real(integers.and_then(|integers| integers.ratio), 3);
     t.real(row.residual_rms_m, 5);
     position_columns(t, row.position.as_ref());
-    // The tag is by the receiver's clock: true time is the tag less the clock bias, where it is known.
+    // The tag is by the receiver's clock: true time is the tag less the clock bias, if known.
     let bias_s =
         row.position.and_then(|p| p.clock_m).map_or(0.0, |clock_m| clock_m / SPEED_OF_LIGHT_MPS);
     let utc = row.time_utc.unwrap_or_else(|| (row.time + -bias_s).utc());

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, anyhow};
 use kurs_formats::source::{ReadError, Source};
 
-/// A text file that is read once from its beginning; where packed data is damaged there is an error.
+/// A text file that is read once from its beginning; damaged packed data is an error.
 pub(crate) struct TextFile(Source);
 
 impl TextFile {

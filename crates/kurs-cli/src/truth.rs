@@ -66,7 +66,7 @@ pub(crate) struct Agreement {
     known: u64,
     fixed: u64,
     wrong: u64,
-    /// Of every angle: how many, sum of squares (degrees²), sum of squares over variance.
+    /// For every angle: count, sum of squares (degrees²), sum of squares over variance.
     angles: [(u64, f64, f64); 3],
 }
 
@@ -117,8 +117,8 @@ impl Truth {
         Ok(Self { rows, cycles })
     }
 
-    /// Whether an epoch is wrong: one of its integers is, or, without `ambiguities.csv`, a component
-    /// of a baseline is off by more than noise can be.
+    /// Whether an epoch is wrong: one of its integers is, or, without `ambiguities.csv`, a
+    /// component of a baseline is off by more than noise can be.
     pub(crate) fn is_wrong(&self, row: &EpochSolution, truth: &TruthRow) -> bool {
         match &self.cycles {
             Some(cycles) => {
@@ -287,7 +287,8 @@ mod tests {
         assert_eq!(none, "none is of a time that the truth has");
     }
 
-    /// A sum of cycles is confirmed by the values in force at its epoch: slips count from their tag on.
+    /// A sum of cycles is confirmed by the values in force at its epoch: slips count from their tag
+    /// on.
     #[test]
     fn integers_are_laid_against_the_table() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Bands that the configuration names and that no antenna observes: nobody types them to have them left out.
+//! Bands that the configuration names and that no antenna observes: nobody types them to have them
+//! left out.
 
 use std::collections::BTreeSet;
 
@@ -9,14 +10,14 @@ use kurs::signal::Band;
 #[derive(Debug, Default)]
 pub(crate) struct UnobservedBands {
     wanted: Vec<Band>,
-    /// Of the wanted ones.
+    /// Those of the wanted bands that no epoch has had so far.
     unobserved: Vec<Band>,
     /// Looked at only as long as a band is missing.
     observed: BTreeSet<Band>,
 }
 
 impl UnobservedBands {
-    /// Of `bands` in the configuration; where it is left out, every band is welcome and none is missed.
+    /// For `bands` of the configuration; without it every band is welcome and none is missed.
     pub(crate) fn of(bands: Option<&[Band]>) -> Self {
         let wanted = bands.unwrap_or_default().to_vec();
         Self { unobserved: wanted.clone(), wanted, observed: BTreeSet::new() }
@@ -38,7 +39,7 @@ impl UnobservedBands {
         (!self.unobserved.is_empty()).then(words)
     }
 
-    /// The sentence with what there is in place of the wanted bands, where none of them is observed.
+    /// What is observed in place of the wanted bands, where none of them is.
     pub(crate) fn nothing_left(&self) -> Option<String> {
         let sentence = self.sentence().filter(|_| self.unobserved.len() == self.wanted.len())?;
         Some(format!(

@@ -5,7 +5,7 @@ use kurs::time::{Calendar, GpsTime};
 use crate::failure::UsageError;
 
 /// How far the time tag of an epoch may be from the multiple of `--every` that it stands for, s:
-/// receivers let their clocks drift by a millisecond, and some by several, before they correct them.
+/// receivers let their clocks drift by a millisecond, some by several, before they correct them.
 const MAX_TAG_ERROR_S: f64 = 0.01;
 
 /// Which epochs count.

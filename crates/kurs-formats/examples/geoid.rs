@@ -1,5 +1,5 @@
-//! Heights of the geoid, m, at the places (latitude and longitude in degrees) on standard input, line by
-//! line: `tests-referees/geoid_grid.py` compares them with other programs.
+//! Heights of the geoid, m, at the places (latitude and longitude in degrees) on standard input,
+//! line by line: `tests-referees/geoid_grid.py` compares them with other programs.
 #![allow(clippy::print_stdout)] // an example
 
 use std::io::BufRead as _;

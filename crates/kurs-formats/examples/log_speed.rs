@@ -1,5 +1,5 @@
-//! Reading speed of receiver logs, whole files, one core: logs of about 100 MB with 97 signals in an
-//! epoch, written to the folder for temporary files and removed again.
+//! Reading speed of receiver logs, whole files, one core: logs of about 100 MB with 97 signals in
+//! an epoch, written to the folder for temporary files and removed again.
 //!
 //! `cargo run --release -p kurs-formats --example log_speed`
 //!

@@ -1,5 +1,5 @@
-//! The messages of ROS 2 of some rows, a line each: type, its hash, bytes of CDR, line for rosbridge.
-//! `tests/profiles/check.py` reads both forms and compares them.
+//! The messages of ROS 2 of some rows, a line each: type, its hash, bytes of CDR, line for
+//! rosbridge. `tests/profiles/check.py` reads both forms and compares them.
 #![allow(clippy::print_stdout)] // an example
 
 use std::fmt::Write as _;

@@ -2,8 +2,8 @@
 //!
 //! Source: T. A. Welch, A Technique for High-Performance Data Compression, IEEE Computer 17 (1984)
 //! 8-19, for the method; the manual page and the behaviour of `compress` for its frame: two magic
-//! bytes, a byte with the greatest width and whether code 256 clears the table, then codes, the least
-//! significant bit first, in groups of eight codes of the same width.
+//! bytes, a byte with the greatest width and whether code 256 clears the table, then codes, the
+//! least significant bit first, in groups of eight codes of the same width.
 
 use std::io::{self, BufReader, Read};
 

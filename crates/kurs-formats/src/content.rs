@@ -37,7 +37,7 @@ pub enum Content {
     Html,
     /// Other text, with the first words of it.
     Text(String),
-    /// Bytes that are no text and no known format.
+    /// Bytes that are neither text nor a known format.
     Noise,
 }
 

@@ -1,7 +1,7 @@
 //! Dilutions of precision of a position beyond the horizontal one, which comes with it.
 //!
-//! All of them are one matrix `Q` with `C = σ² Q`: their ratios are those of the standard deviations,
-//! `VDOP / HDOP = σ_D / √(σ_N² + σ_E²)`.
+//! All of them are one matrix `Q` with `C = σ² Q`: their ratios are those of the standard
+//! deviations, `VDOP / HDOP = σ_D / √(σ_N² + σ_E²)`.
 
 use kurs::solution::PositionEstimate;
 

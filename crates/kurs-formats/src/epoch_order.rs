@@ -13,8 +13,8 @@ use crate::source::ReadError;
 
 /// A step this many times the shortest one is a jump, to be confirmed by the next epoch.
 pub(crate) const JUMP_STEPS: f64 = 10.0;
-/// So many epochs in a row that go on from each other at an earlier time are those of a clock that was set back: a single
-/// damaged date is alone.
+/// Epochs in a row, each later than the one before but earlier than what was given out, that show
+/// a clock set back: a single damaged date is alone.
 const SET_BACK: u32 = 3;
 
 /// Epochs as they stand in a file, in whatever order.
@@ -50,8 +50,8 @@ impl<E: RawEpochs> Ordered<E> {
         Self { order, ..Self::new(raw) }
     }
 
-    /// The same of a stream that nobody but its receiver can set right: where the receiver's clock is set back, its epochs
-    /// come out at their earlier times once several have confirmed it.
+    /// The same of a stream that nobody but its receiver can set right: where the receiver's clock
+    /// is set back, its epochs come out at their earlier times once several have confirmed it.
     pub(crate) const fn follow_clock_set_back(&mut self) {
         self.order.follows_set_back = true;
     }
@@ -87,8 +87,8 @@ impl<E: RawEpochs> Ordered<E> {
         }
     }
 
-    /// Keeps an epoch that jumps ahead only if the one behind it is not earlier; gives the place of the
-    /// one that is kept.
+    /// Keeps an epoch that jumps ahead only if the one behind it is not earlier; gives the place of
+    /// the one that is kept.
     fn confirm(&mut self, epoch: &mut AntennaEpoch, mut place: u64) -> Result<u64, ReadError> {
         loop {
             let Some(next_place) = self.raw.next(self.order.next_mut())? else { return Ok(place) };
@@ -146,7 +146,8 @@ impl EpochOrder {
         self.last.is_none_or(|last| time > last)
     }
 
-    /// Whether an epoch that is not later confirms that time was set back; what was given out before does not bind then.
+    /// Whether an epoch that is not later confirms that time was set back; what was given out
+    /// before does not bind then.
     fn is_set_back(&mut self, time: GpsTime) -> bool {
         let step_s = self.shortest_step_s.unwrap_or(f64::INFINITY);
         let goes_on = |before: GpsTime| time > before && time - before <= JUMP_STEPS * step_s;

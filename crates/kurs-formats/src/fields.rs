@@ -1,5 +1,5 @@
-//! Bit fields of broadcast messages, most significant bit first. A message is described once, as the
-//! list of its fields, and the description serves reading and writing.
+//! Bit fields of broadcast messages, most significant bit first. A message is described once, as
+//! the list of its fields, and the description serves reading and writing.
 
 /// A message that is read or written field by field.
 pub(crate) trait Fields {
@@ -125,8 +125,8 @@ impl<'a> BitReader<'a> {
 }
 
 impl Fields for BitReader<'_> {
-    /// The first bits of the sixteen bytes from the current one on; zeros follow the message. Only the
-    /// last 64 of more bits than that are given.
+    /// The first bits of the sixteen bytes from the current one on; zeros follow the message. Only
+    /// the last 64 of more bits than that are given.
     fn bits(&mut self, width: u32, _: u64) -> u64 {
         let rest = self.bytes.get(self.at_byte()..).unwrap_or_default();
         let window = rest.first_chunk().copied().unwrap_or_else(|| {

@@ -9,7 +9,8 @@ use twox_hash::XxHash3_64;
 /// Bytes of a file that are read at once.
 const PIECE: usize = 1 << 16;
 
-/// Size and hash of a file's bytes as they stand in it: contents are told apart that nobody has made alike on purpose.
+/// Size and hash of a file's bytes as they stand in it: contents are told apart that nobody has
+/// made alike on purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Fingerprint {
     /// Bytes.
@@ -74,7 +75,8 @@ mod tests {
     use super::*;
     use crate::source::Source;
 
-    /// A file that is read line by line has the fingerprint of one that is read at once, packed or not, and none before its end.
+    /// A file that is read line by line has the fingerprint of one that is read at once, packed or
+    /// not, and none before its end.
     #[test]
     fn reading_tells_the_fingerprint() {
         let folder = tempfile::tempdir().unwrap();

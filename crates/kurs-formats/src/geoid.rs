@@ -1,9 +1,9 @@
 //! Mean sea level: the height of the geoid above the WGS 84 ellipsoid, by the model EGM96.
 //!
 //! `data/egm96.gz` holds it every 20 minutes of arc in units of 25 cm, within half a metre of the
-//! model's own 5 minutes everywhere; the model itself is good to a metre or so. EGM96 is a work of the
-//! government of the United States (NIMA, NASA Goddard, Ohio State University, 1996) in the public
-//! domain. `tests-referees/geoid_grid.py` makes the file and compares it with another one.
+//! model's own 5 minutes everywhere; the model itself is good to a metre or so. EGM96 is a work of
+//! the government of the United States (NIMA, NASA Goddard, Ohio State University, 1996) in the
+//! public domain. `tests-referees/geoid_grid.py` makes the file and compares it with another one.
 
 use std::io::Read as _;
 use std::sync::LazyLock;
@@ -22,8 +22,8 @@ static PACKED: &[u8] = include_bytes!("../data/egm96.gz");
 /// Row after row, in [`UNIT_M`].
 static NODES: LazyLock<Vec<i16>> = LazyLock::new(unpacked);
 
-/// Height of the geoid above the ellipsoid, m: the height above the ellipsoid less this is that above
-/// mean sea level.
+/// Height of the geoid above the ellipsoid, m: the height above the ellipsoid less this is that
+/// above mean sea level.
 ///
 /// Cubic convolution of 16 nodes (Keys 1981).
 #[must_use]

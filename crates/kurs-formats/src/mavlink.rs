@@ -1,7 +1,7 @@
 //! GPS_INPUT of MAVLink 2: position, velocity and yaw for ArduPilot (`GPS1_TYPE` 14).
 //!
-//! Source: message 232 of `common.xml`, mavlink.io. The yaw is in hundredths of a degree; 0 says that there
-//! is none, 36000 is north.
+//! Source: message 232 of `common.xml`, mavlink.io. The yaw is in hundredths of a degree; 0 stands
+//! for no yaw, 36000 for north.
 
 use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin};
 
@@ -51,7 +51,8 @@ fn yaw(row: &EpochSolution) -> u16 {
 struct Values {
     /// Latitude, longitude, 10⁻⁷ degree.
     place: [i32; 2],
-    /// Height above the sea, HDOP, VDOP, velocity (north, east, down), accuracy of speed, place and height.
+    /// Height above the sea, HDOP, VDOP, velocity (north, east, down), accuracies (speed, place,
+    /// height).
     numbers: [f32; 9],
     /// Which of them mean nothing.
     ignored: u16,

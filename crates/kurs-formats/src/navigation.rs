@@ -9,8 +9,8 @@ use crate::source::{ReadError, Source};
 use crate::sp3;
 use crate::{logs, rinex};
 
-/// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, SP3 a to d,
-/// and the navigation messages in receiver logs.
+/// Reads a navigation file and adds what it holds to `data`: RINEX navigation 2, 3 and 4, SP3 a to
+/// d, and the navigation messages in receiver logs.
 ///
 /// A damaged record is noted in the summary and loses no other one.
 ///

@@ -1,8 +1,9 @@
 //! NMEA 0183 sentences of solved epochs; the talker is `GN`, several systems together.
 //!
-//! An epoch begins with its position, so that readers that collect sentences by their time have it when
-//! the heading comes. Times are the nominal ones of the epochs, rounded to hundredths of a second. Only
-//! fixed rows have a heading; what is not known is an empty field, in the way of each sentence.
+//! An epoch begins with its position, so that readers that collect sentences by their time have it
+//! when the heading comes. Times are the nominal ones of the epochs, rounded to hundredths of a
+//! second. Only fixed rows have a heading; what is not known is an empty field, in the way of each
+//! sentence.
 
 mod proprietary;
 
@@ -18,13 +19,13 @@ use crate::geoid::geoid_height_m;
 const NS_PER_HUNDREDTH: i64 = 10_000_000;
 const KNOTS_PER_MPS: f64 = 3600.0 / 1852.0;
 const KMH_PER_MPS: f64 = 3.6;
-/// Characters of a sentence between `$` and `*`: NMEA 0183 has 82 from `$` to the line end, of which these two, the
-/// checksum and the line end are six.
+/// Characters of a sentence between `$` and `*`: NMEA 0183 has 82 from `$` to the line end, of
+/// which these two, the checksum and the line end are six.
 const MAX_BODY: usize = 76;
 /// Decimals of minutes: 0.2 mm.
 const MINUTE_DECIMALS: usize = 7;
-/// Decimals of height and minutes in GGA; those of the first that fits are used. Readers need no tenths of millimetres of a
-/// height, and lose more where the place is cut.
+/// Decimals of height and minutes in GGA; those of the first that fits are used. Readers need no
+/// tenths of millimetres of a height, and lose more where the place is cut.
 const GGA_DECIMALS: [(usize, usize); 5] =
     [(4, MINUTE_DECIMALS), (3, MINUTE_DECIMALS), (2, MINUTE_DECIMALS), (2, 6), (1, 5)];
 /// Those that fit at any height.
@@ -37,17 +38,17 @@ const MAX_DILUTION: f64 = 99.99;
 pub enum Profile {
     /// For plotters and autopilots: GGA, RMC, VTG, ZDA, GST, HDT, ROT, XDR.
     Marine,
-    /// For gpsd: GGA, RMC, VTG, ZDA and, with a heading, PTNTHTM, which alone brings heading, pitch and
-    /// roll into one of its reports. (gpsd 3.22 mixes HDT with the GST before it into an attitude that
-    /// is not even JSON.)
+    /// For gpsd: GGA, RMC, VTG, ZDA and, with a heading, PTNTHTM, which alone brings heading, pitch
+    /// and roll into one of its reports. (gpsd 3.22 mixes HDT with the GST before it into an
+    /// attitude that is not even JSON.)
     Gpsd,
-    /// The sentences for plotters, PASHR, the only one with the standard deviations of the angles, and PTNL,AVR.
-    /// (On a port of gpsd PASHR stops the positions.)
+    /// The sentences for plotters, PASHR, the only one with the standard deviations of the angles,
+    /// and PTNL,AVR. (On a port of gpsd PASHR stops the positions.)
     Survey,
     /// For AgOpenGPS: PAOGI; without a roll GGA, VTG and, with a heading, HDT.
     AgOpen,
-    /// For ArduPilot: GGA, RMC and, with a heading, KSXT. No sentence says that there is no heading: an
-    /// empty one was once taken for north.
+    /// For ArduPilot: GGA, RMC and, with a heading, KSXT. No sentence says that there is no
+    /// heading: an empty one was once taken for north.
     ArduPilot,
 }
 
@@ -62,7 +63,7 @@ pub struct Encoder {
 struct Epoch<'a> {
     row: &'a EpochSolution,
     utc: Calendar,
-    /// Of a fixed row.
+    /// Only in fixed rows.
     attitude: Option<AttitudeEstimate>,
     rates: AngleRates,
 }
@@ -405,7 +406,7 @@ mod tests {
         }
     }
 
-    /// Of two antennas one tilt is unknown.
+    /// With two antennas one tilt is unknown.
     #[test]
     fn one_sentence_has_the_attitude_for_gpsd() {
         let mut row = row(before_midnight(), 359.9996);

@@ -1,5 +1,5 @@
-//! NMEA 2000: heading, rate of turn, attitude, position, course and speed as CAN frames, in the text forms of
-//! gateways.
+//! NMEA 2000: heading, rate of turn, attitude, position, course and speed as CAN frames, in the
+//! text forms of gateways.
 //!
 //! | PGN | priority | what |
 //! |---|---|---|
@@ -10,8 +10,8 @@
 //! | 129026 | 2 | course (true) and speed over ground |
 //! | 129029 | 3 | time, position, height, quality: seven frames |
 //!
-//! What is not known is the greatest number of its type. Layouts: canboat's database of PGNs; the text of YDWG RAW:
-//! user manual of the Yacht Devices YDWG-02, appendix E.
+//! What is not known is the greatest number of its type. Layouts: canboat's database of PGNs; the
+//! text of YDWG RAW: user manual of the Yacht Devices YDWG-02, appendix E.
 
 use std::fmt::Write as _;
 
@@ -30,7 +30,8 @@ pub enum Form {
     YdwgRaw,
     /// What a gateway takes to say it on the bus: `09F11223 00 …`.
     YdwgToBus,
-    /// canboat's plain text, a line for a whole message: `2024-03-10T12:00:00.000Z,2,127250,35,255,8,00,…`.
+    /// canboat's plain text, a line for a whole message:
+    /// `2024-03-10T12:00:00.000Z,2,127250,35,255,8,00,…`.
     Canboat,
 }
 
@@ -207,8 +208,8 @@ fn frames(text: &mut String, pgn: &Pgn, count: u8, heard: Option<&Calendar>) {
     }
 }
 
-/// More than eight bytes are a fast packet: every frame has the count of the message (three bits) and its own,
-/// the first one the length; the last is filled up.
+/// More than eight bytes are a fast packet: every frame has the count of the message (three bits)
+/// and its own, the first one the length; the last is filled up.
 fn cut(payload: &[u8], count: u8) -> Vec<Vec<u8>> {
     const FIRST: usize = FRAME - 2;
     const NEXT: usize = FRAME - 1;

@@ -42,8 +42,8 @@ impl ObservationSource {
     }
 
     /// As [`ObservationSource::open`], with what a log does not say by itself. A log may be read
-    /// twice: what tells its date, and the first observations, may come late in it. What is no file (a pipe) is read once, as by
-    /// [`ObservationSource::from_source_with`].
+    /// twice: what tells its date, and the first observations, may come late in it. A pipe is read
+    /// once, as by [`ObservationSource::from_source_with`].
     ///
     /// # Errors
     ///
@@ -126,7 +126,8 @@ impl ObservationSource {
         }
     }
 
-    /// Leaves out the systems that are not wanted, where the format allows to pass over them unread: RINEX does.
+    /// Leaves out the systems that are not wanted, where the format allows to pass over them
+    /// unread: RINEX does.
     pub fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
         match self {
             Self::Rinex(reader) => reader.keep_systems(wanted),
@@ -134,8 +135,8 @@ impl ObservationSource {
         }
     }
 
-    /// Navigation data that came before the epoch that was read last: of a log that is read as received
-    /// ([`LogReader::take_news`]).
+    /// Navigation data that came before the epoch that was read last: of a log that is read as
+    /// received ([`LogReader::take_news`]).
     pub fn take_news(&mut self) -> NavigationData {
         match self {
             Self::Rinex(_) => NavigationData::default(),
@@ -161,8 +162,8 @@ impl ObservationSource {
         }
     }
 
-    /// Where the file says that the antenna is: the approximate position of a header; the place of a
-    /// station in an RTCM 3 log, as of the messages so far.
+    /// Where the file says that the antenna is: the approximate position of a header; the place of
+    /// a station in an RTCM 3 log, as of the messages so far.
     #[must_use]
     pub fn stated_position_m(&self) -> Option<Vector<Ecef>> {
         match self {

@@ -15,6 +15,6 @@ pub struct ReadSummary {
     pub read_past: BTreeMap<String, usize>,
     /// What could not be used.
     pub damage: DamageLog,
-    /// Bytes of a log that are no whole message: reading its observations finds them too.
+    /// Bytes of a log that belong to no whole message: reading its observations finds them too.
     pub framing: DamageLog,
 }

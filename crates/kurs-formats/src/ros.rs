@@ -1,8 +1,10 @@
-//! A row as messages of ROS 2: as JSON for rosbridge, and in CDR, which ROS 2 has on the wire and in bags.
+//! A row as messages of ROS 2: as JSON for rosbridge, and in CDR, which ROS 2 has on the wire and
+//! in bags.
 //!
-//! ROS counts in other axes (REP 103): the world is east-north-up, the body forward-left-up. A yaw is therefore
-//! counter-clockwise from east (90° − heading), a pitch nose down, a roll right side down as here. Covariances of
-//! orientations are those of roll, pitch, yaw, rad². A covariance that begins with −1 says that there is no estimate.
+//! ROS counts in other axes (REP 103): the world is east-north-up, the body forward-left-up. A yaw
+//! is therefore counter-clockwise from east (90° − heading), a pitch nose down, a roll right side
+//! down as here. Covariances of orientations are those of roll, pitch, yaw, rad². A covariance that
+//! begins with −1 says that there is no estimate.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write as _;
@@ -18,7 +20,7 @@ use crate::json;
 use crate::unix_time;
 use bus::{TOPICS, Topic};
 
-/// Of an angle that the antennas do not see, rad²: all of a turn is as likely.
+/// Variance of an angle that the antennas do not see, rad²: every direction is as likely.
 const UNSEEN_RAD2: f64 = PI * PI / 3.0;
 /// First element of a covariance without an estimate.
 const NO_ESTIMATE: f64 = -1.0;
@@ -62,8 +64,8 @@ const FIX: Topic = Topic {
     type_hash: "RIHS01_62223ab3fe210a15976021da7afddc9e200dc9ec75231c1b6a557fc598a65404",
 };
 
-/// The messages of a row: Imu and NavSatFix always, the heading alone as a quaternion where there is one.
-/// With `float`, angles of float rows too.
+/// The messages of a row: Imu and NavSatFix always, the heading alone as a quaternion where there
+/// is one. With `float`, angles of float rows too.
 #[must_use]
 pub fn messages(row: &EpochSolution, float: bool) -> Vec<Message> {
     let leaves = row.is_fixed() || float && row.status() == Status::Float;
@@ -178,7 +180,7 @@ fn angles(attitude: &AttitudeEstimate) -> Attitude {
     }
 }
 
-/// Of roll, pitch, yaw in the axes of ROS.
+/// Covariance of roll, pitch and yaw in the axes of ROS, rad².
 fn covariance(attitude: &AttitudeEstimate) -> Matrix3<f64> {
     /// Index in heading, pitch, roll and sign.
     const FROM: [(usize, f64); 3] = [(2, 1.0), (1, -1.0), (0, -1.0)];
@@ -220,7 +222,7 @@ fn no_estimate() -> Value {
 
 impl Value {
     fn write_json(&self, text: &mut String) {
-        /// Shortest text that reads as the same number; JSON has no other word for what is none.
+        /// Shortest text that reads as the same number; infinities and NaN are null in JSON.
         fn number(value: f64) -> String {
             if value.is_finite() { format!("{value:?}") } else { "null".to_owned() }
         }
@@ -245,7 +247,8 @@ impl Value {
         };
     }
 
-    /// Every number stands at a multiple of its length; texts have their length, with a zero, before them.
+    /// Every number stands at a multiple of its length; texts have their length, with a zero,
+    /// before them.
     fn write_cdr(&self, body: &mut Vec<u8>) {
         fn push(body: &mut Vec<u8>, number: &[u8]) {
             body.resize(body.len().next_multiple_of(number.len()), 0);

@@ -16,10 +16,10 @@ use crate::source::{ReadError, can_be_read_again};
 
 /// Reads the epochs of one file after the other.
 ///
-/// The files are read in the order of their first epochs, whatever the order in which they are given
-/// (pipes, which can be read only once, as they are given). Each has its own header, which is in
-/// force for its epochs. Epochs of a file that are not later than what came before are skipped, and
-/// noted in the damage of that file.
+/// The files are read in the order of their first epochs, whatever the order in which they are
+/// given (pipes, which can be read only once, as they are given). Each has its own header, which is
+/// in force for its epochs. Epochs of a file that are not later than what came before are skipped,
+/// and noted in the damage of that file.
 #[derive(Debug)]
 pub struct SessionReader {
     current: ObservationSource,
@@ -27,17 +27,17 @@ pub struct SessionReader {
     options: LogOptions,
     /// In the order of [`System::ALL`].
     wanted: [bool; System::ALL.len()],
-    /// Of all files that were looked into.
+    /// Channels by orbital slot, from all files that were looked into.
     glonass_channels: BTreeMap<u8, i8>,
     last: Option<GpsTime>,
     /// Epochs of the current file that are not later than the files before.
     overlapping: u64,
-    /// Of the files that are behind.
+    /// Damage of the files that are done.
     damage: Vec<FileDamage>,
     damage_count: u64,
-    /// Of the files that are behind.
+    /// Bytes of the files that are done.
     bytes_read: u64,
-    /// Of the files that are behind, by name.
+    /// Fingerprints of the files that are done, by name.
     fingerprints: Vec<(String, Fingerprint)>,
 }
 
@@ -56,7 +56,8 @@ impl SessionReader {
     ///
     /// # Errors
     ///
-    /// [`ReadError`] of the first file that cannot be used; [`ReadError::NoFile`] for an empty list.
+    /// [`ReadError`] of the first file that cannot be used; [`ReadError::NoFile`] for an empty
+    /// list.
     pub fn open<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Result<Self, ReadError> {
         Self::open_with(paths, LogOptions::default())
     }
@@ -144,8 +145,8 @@ impl SessionReader {
         channels
     }
 
-    /// Navigation data that came before the epoch that was read last: of a log that is read as received
-    /// ([`LogOptions::as_received`]).
+    /// Navigation data that came before the epoch that was read last: of a log that is read as
+    /// received ([`LogOptions::as_received`]).
     pub fn take_news(&mut self) -> NavigationData {
         self.current.take_news()
     }

@@ -1,7 +1,8 @@
 //! A row as a delta of Signal K: one line of JSON.
 //!
-//! Source: Signal K specification 1.8.2. Angles are in rad, with the signs of Kurs (heading clockwise from true north,
-//! bow up, to starboard); yaw is the heading from −π to π. What is not known is `null`.
+//! Source: Signal K specification 1.8.2. Angles are in rad, with the signs of Kurs (heading
+//! clockwise from true north, bow up, to starboard); yaw is the heading from −π to π. What is not
+//! known is `null`.
 
 use kurs::solution::{AttitudeEstimate, EpochSolution};
 use kurs::turn_rate::{AngleRates, course_rad};

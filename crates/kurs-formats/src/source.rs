@@ -1,5 +1,5 @@
-//! A file or stream as bytes and lines: gzip and `compress` are found by content and undone, memory is
-//! bounded.
+//! A file or stream as bytes and lines: gzip and `compress` are found by content and undone, memory
+//! is bounded.
 //!
 //! The buffer has a fixed size and a line has a maximum length, so that neither a long file nor a
 //! file without line ends takes more memory or more time than its bytes.
@@ -100,7 +100,7 @@ fn locked(passed: &Mutex<Passed>) -> MutexGuard<'_, Passed> {
 /// Whether a file can be opened again and gives the same bytes: a pipe or a terminal does not.
 #[must_use]
 pub fn can_be_read_again(path: impl AsRef<Path>) -> bool {
-    // What is not there is told of where it is opened.
+    // A missing file is reported where it is opened.
     std::fs::metadata(path).map_or(true, |data| data.is_file() || data.is_dir())
 }
 
@@ -163,7 +163,8 @@ impl Source {
         Ok(source)
     }
 
-    /// Unpacks gzip and `compress`, and passes over the mark that some editors put before UTF-8 text.
+    /// Unpacks gzip and `compress`, and passes over the mark that some editors put before UTF-8
+    /// text.
     fn undo_compression(&mut self) -> Result<(), ReadError> {
         let is_compress = self.start(6)?.starts_with(&compress::MAGIC);
         let method = match self.start(6)? {
@@ -311,8 +312,8 @@ impl Source {
         self.line_held = true;
     }
 
-    /// Why the packed data ended before its end, if it did: what came before is good. It is told once,
-    /// because readers come to the end of a file more than once.
+    /// Why the packed data ended before its end, if it did: what came before is good. It is told
+    /// once, because readers come to the end of a file more than once.
     pub const fn take_broken_off(&mut self) -> Option<String> {
         self.broken_off.take()
     }
@@ -413,7 +414,7 @@ mod tests {
         assert_eq!(lines(&both), ["first", "second"]);
     }
 
-    /// "aaaa", packed by `compress`, whole and with a code behind it that is none.
+    /// "aaaa", packed by `compress`, whole and with an invalid code behind it.
     #[test]
     fn files_of_compress() {
         let file = b"\x1f\x9d\x90a\x02\x86\x01";
@@ -444,7 +445,7 @@ mod tests {
         assert_eq!(found.len(), 2);
     }
 
-    /// Of each the first bytes, and more behind them.
+    /// Each kind by its first bytes, with more behind them.
     #[test]
     fn other_compressions_are_named() {
         for (start, name) in [

@@ -1,5 +1,5 @@
-//! Numbers as the whole numbers of a fixed layout: rounded, and held at the ends of the type. What is not
-//! a number is zero: callers put the format's own word for "not available" there.
+//! Numbers as the whole numbers of a fixed layout: rounded, and held at the ends of the type. What
+//! is not a number is zero: callers put the format's own word for "not available" there.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
 
 pub(crate) fn u8(value: f64) -> u8 {

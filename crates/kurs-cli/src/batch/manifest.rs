@@ -35,7 +35,8 @@ impl Manifest {
     ///
     /// # Errors
     ///
-    /// [`UsageError`] with the line: unknown columns, a label that is empty or there twice, no files.
+    /// [`UsageError`] with the line: unknown columns, a label that is empty or there twice, no
+    /// files.
     pub(super) fn read(path: &Path) -> anyhow::Result<Self> {
         let file = InputFile::open(path)?;
         let path = file.path();

@@ -1,10 +1,11 @@
 //! `kurs batch`: the sessions of a manifest, several at a time, each solved once.
 //!
-//! Every session has its folder in the data set, `session=LABEL`, with the tables of `kurs solve` and, written
-//! last, their summary.json. A session is done when that summary has the hash of the keys in force, the program's
-//! version and the contents of all inputs, and was not interrupted: a run that was killed goes on where it was, and a
-//! session whose input changed is solved anew. Nothing else is kept, so any number of runs, on any machines, may
-//! share the work by `--shard` or `--session`; `--merge` sums up what is there.
+//! Every session has its folder in the data set, `session=LABEL`, with the tables of `kurs solve`
+//! and, written last, their summary.json. A session is done when that summary has the hash of the
+//! keys in force, the program's version and the contents of all inputs, and was not interrupted: a
+//! run that was killed goes on where it was, and a session whose input changed is solved anew.
+//! Nothing else is kept, so any number of runs, on any machines, may share the work by `--shard` or
+//! `--session`; `--merge` sums up what is there.
 
 mod manifest;
 mod session;
@@ -27,13 +28,14 @@ use status::{Outcome, SessionStatus};
 /// Many sessions, in parallel, that go on where a killed run was.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Sessions (CSV): `label` and `config`, `files`, `obs:ANTENNA`, `nav`, `set`; lists are divided by `;`
+    /// Sessions (CSV): `label` and `config`, `files`, `obs:ANTENNA`, `nav`, `set`; lists are
+    /// divided by `;`
     manifest: PathBuf,
     /// Folder of the data set: session=LABEL/attitude.csv, …, and manifest-status.csv
     #[arg(long, value_name = "DIR", default_value = "kurs-out/batch")]
     out: PathBuf,
-    /// Only the sessions I, I + N, I + 2N, … of the manifest, counted from 0; without manifest-status.csv, which
-    /// --merge writes
+    /// Only the sessions I, I + N, I + 2N, … of the manifest, counted from 0; without
+    /// manifest-status.csv, which --merge writes
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with_all = ["session", "merge"])]
     shard: Option<Shard>,
     /// Only the session of this label; may be given several times

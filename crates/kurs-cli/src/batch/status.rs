@@ -61,7 +61,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Of a session's folder; `None` without a whole one.
+    /// Reads the summary in a session's folder; `None` without a whole one.
     pub(super) fn read(folder: &Path) -> Option<Self> {
         let text = std::fs::read(folder.join("summary.json")).ok()?;
         serde_json::from_slice(&text).ok()
@@ -89,7 +89,7 @@ pub(super) fn folder(out: &Path, label: &str) -> PathBuf {
 }
 
 impl SessionStatus {
-    /// Of the result in its folder, if there is a whole one.
+    /// The status of a session by the result in its folder, if there is a whole one.
     pub(super) fn of_result(label: &str, folder: &Path) -> Option<Self> {
         let summary = Summary::read(folder).filter(|summary| !summary.interrupted)?;
         let most = summary.reasons.iter().max_by_key(|(_, count)| **count);
@@ -100,12 +100,12 @@ impl SessionStatus {
         Some(Self { label: label.to_owned(), outcome, reason, summary: Some(summary) })
     }
 
-    /// Of a session without a result.
+    /// The status of a session without a result.
     pub(super) fn failed(label: &str, reason: String) -> Self {
         Self { label: label.to_owned(), outcome: Outcome::Failed, reason, summary: None }
     }
 
-    /// Of what is in the session's folder.
+    /// The status of a session by what is in its folder.
     fn of_folder(label: &str, folder: &Path) -> Self {
         if let Some(result) = Self::of_result(label, folder) {
             return result;

@@ -105,7 +105,8 @@ const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 const MAX_MISFIT_MPS2: f64 = 0.02;
 /// … or this many standard deviations of its mean.
 const MAX_MISFIT_SIGMAS: f64 = 5.0;
-/// What no gyro reads at rest: 20°/s, 0.35 rad/s, are allowed to cheap ones (MPU-6000 specification 3.4, 6.1).
+/// What no gyro reads at rest: 20°/s, 0.35 rad/s, are allowed to cheap ones (MPU-6000 specification
+/// 3.4, 6.1).
 const MAX_BIAS_RADPS: f64 = 1.0;
 
 /// `calibration.toml`, as `kurs fuse` reads it.

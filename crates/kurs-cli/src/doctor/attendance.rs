@@ -1,5 +1,5 @@
-//! Which antennas had an epoch when, counted over every epoch of the session: what a sample cannot tell of
-//! receivers whose rates differ.
+//! Which antennas had an epoch when, counted over every epoch of the session: what a sample cannot
+//! tell of receivers whose rates differ.
 
 use std::collections::BTreeMap;
 
@@ -74,7 +74,7 @@ impl Attendance {
         (own.rows() as f64 * slower / all.epochs().max(1) as f64).min(1.0)
     }
 
-    /// The antennas' rates and how often the slower ones are in the epochs; `None` where all have one.
+    /// The antennas' rates and how often the slower ones are in the epochs; `None` if equal.
     pub(super) fn different_rates(&self, names: &[String]) -> Option<String> {
         let known = |antenna: usize| Some((antenna, self.interval_s(antenna)?));
         let intervals: Vec<(usize, f64)> = (0..names.len()).filter_map(known).collect();
@@ -96,8 +96,8 @@ impl Attendance {
         (!slow.is_empty()).then(|| format!("{}: {}", rates.join(", "), slow.join(", ")))
     }
 
-    /// Whether some antennas have epochs just where others have none, and the other way round, while all
-    /// of them observe.
+    /// Whether some antennas have epochs just where others have none, and the other way round,
+    /// while all of them observe.
     pub(super) fn take_turns(&self) -> bool {
         let often = |there: &[bool], count: u64| {
             let of = self.antennas.iter().zip(there).filter(|(_, is_there)| **is_there);

@@ -46,8 +46,8 @@ impl Patient<'_> {
             .iter()
             .map(|(system, trial)| (*system, trial.share(Status::Fixed), trial.residual_m()))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        // Where the geometry is wrong, fewer satellites are fixed wrongly more easily, some of the time: then the
-        // phases fit no better than all of them do without geometry.
+        // Where the geometry is wrong, fewer satellites are fixed wrongly more easily, some of the
+        // time: then the phases fit no better than all of them do without geometry.
         let fits = share > PROVEN || residual_m < BETTER_FIT * trials.free.residual_m();
         let evidence = format!(
             "with it {:.1} % of the epochs are fixed, without it {:.1} %",
@@ -156,8 +156,8 @@ impl Patient<'_> {
         })
     }
 
-    /// Residuals as reflections make them; `rms` takes them to the zenith. Those against a wrong shape
-    /// tell nothing.
+    /// Residuals as reflections make them; `rms` takes them to the zenith. Those against a wrong
+    /// shape tell nothing.
     pub(super) fn noise(&self, trials: &Trials, is_misshapen: bool) -> Option<Finding> {
         let configured = if is_misshapen { &[][..] } else { &trials.configured.rows };
         let rms = |of: ResidualOf, antenna: Option<usize>| {

@@ -1,4 +1,4 @@
-//! From the trials to findings, the most telling first. What follows from a finding is none itself.
+//! From the trials to findings, the most telling first. A consequence of a finding is not listed.
 
 use kurs::solution::Status;
 

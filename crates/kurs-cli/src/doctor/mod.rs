@@ -1,8 +1,8 @@
 //! `kurs doctor`: why there is no fix, in words, and what to change.
 //!
-//! A sample of the session is solved again and again: as configured, without known geometry, without
-//! one system, without one antenna. What the trials have in common is no cause; what one of them
-//! mends is.
+//! A sample of the session is solved again and again: as configured, without known geometry,
+//! without one system, without one antenna. What the trials have in common is not a cause; what one
+//! of them mends is.
 
 mod attendance;
 mod causes;
@@ -42,8 +42,8 @@ use usage::{UsageRow, usage};
 
 /// A session with this share fixed needs no doctor.
 pub(crate) const WELL: f64 = 0.98;
-/// Epochs that are solved in every way: each of a dozen ways takes up to 20 ms for an epoch whose integers
-/// do not fit, and nobody waits for more than ten seconds.
+/// Epochs that are solved in every way: each of a dozen ways takes up to 20 ms for an epoch whose
+/// integers do not fit, and nobody waits for more than ten seconds.
 const MAX_EPOCHS: usize = 80;
 /// Epochs that are solved in every way where another command asks.
 const MAX_EPOCHS_IN_PASSING: usize = 60;

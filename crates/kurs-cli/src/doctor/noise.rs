@@ -11,7 +11,8 @@ use serde::Serialize;
 /// Receivers this many times noisier than the model are named.
 const NOISY: f64 = 2.0;
 
-/// Root mean square residuals of one receiver on one band, taken to the zenith, as multiples of the noise model.
+/// Root mean square residuals of one receiver on one band, taken to the zenith, as multiples of the
+/// noise model.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct NoiseRow {
     pub(super) antenna: String,
@@ -23,7 +24,8 @@ pub(super) struct NoiseRow {
 /// Sum of squares and their number.
 type Squares = (f64, u32);
 
-/// Every receiver on every band. Of two antennas the residuals are shared between both: they tell the pair.
+/// Every receiver on every band. Of two antennas the residuals are shared between both: they tell
+/// the pair.
 pub(super) fn noise(rows: &[EpochSolution], model: &NoiseModel, names: &[String]) -> Vec<NoiseRow> {
     let mut sums: BTreeMap<(usize, Band), [Squares; 2]> = BTreeMap::new();
     for residual in rows.iter().flat_map(EpochSolution::residuals) {

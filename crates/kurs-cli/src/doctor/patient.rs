@@ -33,6 +33,6 @@ pub(super) struct Patient<'a> {
     pub(super) array: Option<&'a AntennaArray>,
     pub(super) navigation: &'a NavigationData,
     pub(super) mounts: &'a [Option<MountedAntenna>],
-    /// Of the rows as configured.
+    /// The views of the rows that are solved as configured.
     pub(super) views: &'a Views,
 }

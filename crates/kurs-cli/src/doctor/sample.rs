@@ -10,18 +10,18 @@ use super::patient::MANY;
 use crate::copies::Copies;
 use crate::solve::streams::Streams;
 
-/// Multiples of it, less their whole parts, fill the interval from 0 to 1 evenly, and so do those of every
-/// second, fifth or tenth multiple: a sample by it is in step with no receiver.
+/// Multiples of it, less their whole parts, fill the interval from 0 to 1 evenly, and so do those
+/// of every second, fifth or tenth multiple: a sample by it is in step with no receiver.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
-/// So many epochs that follow each other are taken together: an isolated fix of a weak model is unproven until one beside it
-/// agrees, and of each run one stays so.
+/// Consecutive epochs that are taken together: an isolated fix of a weak model is unproven until
+/// one beside it agrees, and one of each run stays so.
 const RUN: u64 = 8;
 
 /// The sample, and what was seen of the rest.
 pub(crate) struct Sample {
-    /// Of the epochs that two antennas have, or more; of all epochs where there is none.
+    /// Taken from the epochs that two or more antennas have; from all epochs where there are none.
     pub(crate) epochs: Vec<ArrayEpoch>,
-    /// Of the epochs of one antenna.
+    /// Taken from the epochs that only one antenna has.
     pub(super) alone: Vec<ArrayEpoch>,
     /// Times of all epochs, and who has them.
     pub(crate) attendance: Attendance,

@@ -13,7 +13,7 @@ const UNITS: [(&str, f64); 4] =
     [("millimetres", 1e-3), ("centimetres", 1e-2), ("feet", 0.3048), ("inches", 0.0254)];
 /// Rulers and feet agree with the data to this share.
 const UNIT_TOLERANCE: f64 = 0.03;
-/// A shorter baseline is none: two receivers on one antenna.
+/// A shorter baseline means two receivers on one antenna.
 const ZERO_M: f64 = 0.02;
 /// Slower bodies have no course.
 const MIN_SPEED_MPS: f64 = 2.0;

@@ -1,5 +1,5 @@
-//! Bytes of one receiver, given piece by piece, to epochs: a reader in a thread that waits for the next
-//! piece, and a caller that waits until the reader has made of the last one what it can.
+//! Bytes of one receiver, given piece by piece, to epochs: a reader in a thread that waits for the
+//! next piece, and a caller that waits until the reader has made of the last one what it can.
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
@@ -61,7 +61,8 @@ impl ByteDecoder {
         Self { pipe, thread: Some(thread) }
     }
 
-    /// Gives the next bytes; what they complete, and what is wrong with them if nothing can be made of them.
+    /// Gives the next bytes; what they complete, and what is wrong with them if nothing can be made
+    /// of them.
     pub(super) fn push(&self, bytes: &[u8]) -> (Vec<Decoded>, Option<String>) {
         let mut state = self.pipe.lock();
         state.bytes.extend(bytes);

@@ -1,5 +1,5 @@
-//! The engine of a configuration, to which observations come one by one: as `kurs live` solves, without
-//! streams and without a clock of its own.
+//! The engine of a configuration, to which observations come one by one: as `kurs live` solves,
+//! without streams and without a clock of its own.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -25,13 +25,13 @@ use crate::tables::{ATTITUDE, BASELINES, POINTS, Tables};
 /// The rows of the epochs that were completed, as lines of CSV without a header.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Rows {
-    /// Of `attitude.csv`.
+    /// Rows of `attitude.csv`.
     pub attitude: Vec<u8>,
-    /// Of `baselines.csv`.
+    /// Rows of `baselines.csv`.
     pub baselines: Vec<u8>,
-    /// Of `points.csv`.
+    /// Rows of `points.csv`.
     pub points: Vec<u8>,
-    /// Of `antennas.csv`: coordinates by code differences to a station.
+    /// Rows of `antennas.csv`: coordinates by code differences to a station.
     pub by_code: Vec<u8>,
 }
 
@@ -48,7 +48,7 @@ pub struct EmbeddedEngine {
     decoders: Vec<Option<ByteDecoder>>,
     received: AsReceived,
     matcher: Matcher,
-    /// Of the antennas; rows that wait for the station.
+    /// Matched epochs of the antennas, whose rows wait for the station.
     matched: VecDeque<ArrayEpoch>,
     station: Option<StationEpochs>,
     engine: Differential,
@@ -57,10 +57,10 @@ pub struct EmbeddedEngine {
 }
 
 impl EmbeddedEngine {
-    /// The engine of a configuration file with keys set as by `--set`; its observation files, if it names
-    /// any, are not read. With `deadline_s` an epoch goes that long after its first antenna came, by the times
-    /// that the caller passes in, with the newest epoch of the station (`max_age_s`); without it every row waits for
-    /// the station's epoch of its time.
+    /// The engine of a configuration file with keys set as by `--set`; its observation files, if it
+    /// names any, are not read. With `deadline_s` an epoch goes that long after its first antenna
+    /// came, by the times that the caller passes in, with the newest epoch of the station
+    /// (`max_age_s`); without it every row waits for the station's epoch of its time.
     ///
     /// # Errors
     ///
@@ -110,8 +110,8 @@ impl EmbeddedEngine {
         })
     }
 
-    /// Names of the antennas, in the order of the configuration; behind them `station` if there is one. Their places are
-    /// the numbers that [`EmbeddedEngine::push`] wants.
+    /// Names of the antennas, in the order of the configuration; behind them `station` if there is
+    /// one. Their places are the numbers that [`EmbeddedEngine::push`] wants.
     pub fn sources(&self) -> impl Iterator<Item = &str> {
         self.sources.iter().map(|(name, _)| name.as_str())
     }
@@ -136,7 +136,8 @@ impl EmbeddedEngine {
         Ok(())
     }
 
-    /// Takes an epoch of one antenna or the station that came at `now_s`, by any clock that does not go back.
+    /// Takes an epoch of one antenna or the station that came at `now_s`, by any clock that does
+    /// not go back.
     ///
     /// # Errors
     ///

@@ -1,5 +1,5 @@
-//! What programs call that have Kurs inside their process: the commands, with errors that come back to the
-//! caller, and the engine of a configuration, to which observations come one by one.
+//! What programs call that have Kurs inside their process: the commands, with errors that come back
+//! to the caller, and the engine of a configuration, to which observations come one by one.
 
 mod column;
 mod decoder;
@@ -31,8 +31,8 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
-/// Runs the program with these arguments, of which the first is its name, and gives its exit status, which is no
-/// failure: 0, 3, or 130 after [`ask_to_end`]. Signals are left to the caller.
+/// Runs the program with these arguments, of which the first is its name, and gives its exit
+/// status, which is no failure: 0, 3, or 130 after [`ask_to_end`]. Signals are left to the caller.
 ///
 /// # Errors
 ///
@@ -47,8 +47,8 @@ pub fn call(
     Ok(cli.command.run()?.number())
 }
 
-/// Asks every command that runs over epochs for its end, with a valid result of what there is; `false` takes
-/// it back.
+/// Asks every command that runs over epochs for its end, with a valid result of what there is;
+/// `false` takes it back.
 pub fn ask_to_end(is_wanted: bool) {
     interrupt::ask_to_end(is_wanted);
 }

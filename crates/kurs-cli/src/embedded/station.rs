@@ -12,8 +12,8 @@ const MAX_WAITING: usize = 64;
 #[derive(Debug)]
 pub(super) struct StationEpochs {
     waiting: VecDeque<AntennaEpoch>,
-    /// An epoch that is no older than this, s, serves a row that has none of its own; `None`: rows wait for the epoch
-    /// of their time.
+    /// An epoch that is no older than this, s, serves a row that has none of its own; `None`: rows
+    /// wait for the epoch of their time.
     max_age_s: Option<f64>,
 }
 

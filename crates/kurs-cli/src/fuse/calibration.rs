@@ -14,7 +14,7 @@ pub(super) struct Calibration {
     /// M⁻¹ of the accelerometers.
     inverse: Matrix3<f64>,
     bias_mps2: Vector3<f64>,
-    /// Of the gyros, where they were calibrated.
+    /// Bias of the gyros, where they were calibrated.
     pub(super) gyro_bias_radps: Option<Vector3<f64>>,
 }
 

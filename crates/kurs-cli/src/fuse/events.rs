@@ -7,7 +7,7 @@ use kurs::fusion::health::Event;
 pub(super) struct EventLog(Vec<String>);
 
 impl EventLog {
-    /// Takes the events of a row in, and tells them on the terminal; that a filter starts is no news.
+    /// Takes the events of a row in, and prints them; the start of a filter is not worth a line.
     pub(super) fn tell(&mut self, events: &[(f64, Event)]) {
         for (time_s, event) in events {
             let text = format!("{time_s:.3} s: {event}");

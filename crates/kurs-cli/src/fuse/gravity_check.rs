@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 
-/// So many samples are looked at.
+/// Samples that are looked at.
 pub(super) const SAMPLES: usize = 2000;
 /// What a resting accelerometer reads.
 pub(crate) const AT_REST_MPS2: f64 = 9.81;

@@ -1,5 +1,5 @@
-//! The inertial sensor of `kurs fuse`: its table in the configuration, and its log, calibrated and turned
-//! into the axes of the body.
+//! The inertial sensor of `kurs fuse`: its table in the configuration, and its log, calibrated and
+//! turned into the axes of the body.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

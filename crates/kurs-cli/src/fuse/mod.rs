@@ -1,6 +1,6 @@
 //! `kurs fuse`: GNSS joined with inertial sensors – one antenna and accelerometers on a rotating
-//! arm, or the attitudes of several antennas with a gyro and accelerometers – and the tilt that such a
-//! sensor has by itself.
+//! arm, or the attitudes of several antennas with a gyro and accelerometers – and the tilt that
+//! such a sensor has by itself.
 
 mod agreement;
 pub(crate) mod antennas;
@@ -39,11 +39,12 @@ pub(crate) struct Args {
     /// Compares with the truth.csv of a simulation.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Writes what the simulated arm would have recorded, with a configuration to fuse it, and stops.
+    /// Writes what the simulated arm would have recorded, with a configuration to fuse it, and
+    /// stops.
     #[arg(long, value_name = "DIR")]
     write_inputs: Option<PathBuf>,
-    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
-    /// maps, track.geojson and track.kml.
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track
+    /// for maps, track.geojson and track.kml.
     #[arg(long)]
     report: bool,
     /// Prints summary.json in place of the closing summary.

@@ -106,7 +106,7 @@ struct Rows {
     left_out: u64,
 }
 
-/// Filters the samples of a log and writes a row for each but the first one, which starts the filters.
+/// Filters the samples of a log and writes a row for each; the first one starts the filters.
 fn write_rows(
     sensor: &mut Sensor,
     config: &TiltConfig,

@@ -84,8 +84,8 @@ impl Arcs {
     }
 }
 
-/// Replaces `phases` by those of one satellite's observations that can be expressed in metres, in the order of signals: that of a
-/// file may change within it.
+/// Replaces `phases` by those of one satellite's observations that can be expressed in metres, in
+/// the order of signals: that of a file may change within it.
 pub(super) fn fill_phases(
     phases: &mut Vec<Phase>,
     observations: &[Observation],

@@ -37,7 +37,7 @@ pub(super) struct Gathered {
     /// GLONASS satellites whose frequency nobody tells.
     pub(super) without_channel: BTreeSet<Satellite>,
     epochs: u64,
-    /// Of one satellite in one epoch.
+    /// Phases of one satellite in one epoch.
     phases: Vec<Phase>,
 }
 

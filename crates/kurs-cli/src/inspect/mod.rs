@@ -31,7 +31,8 @@ use crate::pipe::{self, InputFile};
 use crate::solve::input::middle_time;
 use crate::window::Window;
 
-/// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities, damage.
+/// What is in files: signals, intervals, gaps, cycle slips, signal strengths, sky, oddities,
+/// damage.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Observation, navigation, orbit (SP3) and antenna (ANTEX) files; `-` for standard input.
@@ -74,7 +75,7 @@ enum Report {
 }
 
 impl Report {
-    /// Of the file by the name that the user gave it.
+    /// Names the file as the user did.
     fn with_given_name(mut self) -> Self {
         let file = match &mut self {
             Self::Observations(report) => &mut report.file,
@@ -113,7 +114,7 @@ impl DamageReport {
 
 /// What is known when a file is read.
 struct Known {
-    /// Of all files.
+    /// Navigation data of all files.
     navigation: NavigationData,
     options: LogOptions,
     /// Which epochs count.
@@ -202,7 +203,7 @@ fn write_json(path: &Path, reports: &[Report]) -> anyhow::Result<()> {
 }
 
 /// Everything that tells where satellites were: the files of `--nav`, which must be usable, and
-/// those among the others. Logs without a week are dated by all of them that are no logs.
+/// those among the others. Logs without a week are dated by those that are not logs.
 fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
     let mut data = NavigationData::default();
     for file in &args.nav {
@@ -210,7 +211,7 @@ fn read_navigation(args: &Args, files: &[&Path]) -> Result<Known, ReadError> {
     }
     let mut logs = Vec::new();
     for file in files {
-        // A file that cannot be read is told of where it is reported.
+        // A file that cannot be read is named in its report.
         match Content::of_file(file) {
             Ok(content) if content.is_log() => logs.push(*file),
             Ok(Content::RinexNavigation | Content::Sp3) => {

@@ -35,7 +35,7 @@ pub(super) struct ObservationReport {
     /// `None` for a log.
     pub(super) header: Option<HeaderReport>,
     pub(super) time: TimeReport,
-    /// Of a log; told with its first station or antenna.
+    /// Messages of a log, listed with its first station or antenna.
     pub(super) messages: Vec<MessageReport>,
     /// Number of satellites of each system.
     pub(super) satellites: BTreeMap<String, usize>,

@@ -11,7 +11,7 @@ use crate::fuse::antennas::config::{self, FilterConfig};
 use crate::fuse::imu::{ImuConfig, Mounted};
 use crate::solve::config::Loaded;
 
-/// An attitude of another body that is older than this, s, is none unless more is asked for.
+/// Greatest age of another body's attitude, s, unless more is asked for.
 const PEER_MAX_AGE_S: f64 = 1.0;
 
 /// The sensor and the other bodies as inputs.

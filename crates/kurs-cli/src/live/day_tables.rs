@@ -54,7 +54,7 @@ impl DayTables {
             tables.flush()
         });
         if written.is_err() {
-            // What is left in its buffers may be part of a row: it is cut off when it is opened again.
+            // Its buffers may end inside a row, which is cut off when the file is opened again.
             self.open = None;
         }
         written

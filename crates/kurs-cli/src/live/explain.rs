@@ -1,4 +1,4 @@
-//! `--explain PROFILE`: what to set at the other end, for the array and the outputs of the configuration.
+//! `--explain PROFILE`: what to set at the other end, for the array and outputs in force.
 
 use std::fmt::Write as _;
 
@@ -72,7 +72,8 @@ fn where_it_goes(profile: OutputProfile, loaded: &Loaded) -> String {
 }
 
 impl Array {
-    /// Which angles there are; a line of antennas across the body has none for a heading sensor that is one.
+    /// Which angles there are; a line of antennas across the body has none for a heading sensor
+    /// that is one.
     fn what_it_sees(&self, profile: Profile) -> Result<String, String> {
         let array = match self.positions_m.as_slice() {
             [] => None,

@@ -7,7 +7,7 @@ use crate::fuse::gravity_check::{self, AT_REST_MPS2};
 use crate::fuse::imu::Mounted;
 use crate::sensor_log::Columns;
 
-/// So many accelerations tell whether their unit is the one that the header says.
+/// Accelerations that are enough to tell whether the unit of the header is right.
 const LOOKED_AT: usize = 200;
 
 /// One connection.

@@ -93,8 +93,9 @@ pub(super) fn setup(
     })
 }
 
-/// Whether a time that an earlier run left tells the week still: the system's clock is less than half a week behind it, or
-/// before it, and then it is the clock that is wrong (that of a computer without a battery begins anew).
+/// Whether a time that an earlier run left tells the week still: the system's clock is less than
+/// half a week behind it, or before it, and then it is the clock that is wrong (that of a computer
+/// without a battery begins anew).
 fn is_of_these_days(time: GpsTime, clock: GpsTime) -> bool {
     const HALF_WEEK_S: f64 = 302_400.0;
     clock - time < HALF_WEEK_S
@@ -327,7 +328,7 @@ pub(super) fn positions_m(loaded: &Loaded) -> Vec<Vector<Body>> {
     known.unwrap_or_default().into_iter().map(|[x, y, z]| Vector::new(x, y, z)).collect()
 }
 
-/// Logs that are read as fast as possible have no order of arrival: only an epoch of the same time serves.
+/// Logs read at full speed have no order of arrival: only an epoch of the same time serves.
 fn station_max_age_s(loaded: &Loaded) -> Result<f64, UsageError> {
     let Some(station) = &loaded.config.station else { return Ok(0.0) };
     let max_age_s = station.max_age_s()?;
@@ -477,8 +478,8 @@ dir = "logs"
         Ok(())
     }
 
-    /// Bytes changed, lines left out, doubled and swapped, values in place of others: a service or an error
-    /// that has words.
+    /// Bytes changed, lines left out, doubled and swapped, values in place of others: a service or
+    /// an error that has words.
     #[test]
     fn whatever_a_configuration_says_there_is_a_service_or_an_error_with_words() {
         const MUTATIONS: usize = 1000;

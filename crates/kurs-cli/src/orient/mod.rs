@@ -34,8 +34,8 @@ use positions::Positions;
 /// Stated standard deviations are left alone unless they are this many times too small.
 const TRUSTED_SD_FACTOR: f64 = 1.5;
 /// The known lengths scale standard deviations by no more: beyond it the lengths are wrong, not the
-/// standard deviations. A fixed RTK solution is good to centimetres, here counted as 1 cm, and is never
-/// as bad as five.
+/// standard deviations. A fixed RTK solution is good to centimetres, here counted as 1 cm, and is
+/// never as bad as five.
 const MAX_SD_FACTOR: f64 = 5.0;
 /// Nor are they ten times better: lengths that agree to less are copies of each other, or rounded.
 const MIN_SD_FACTOR: f64 = 0.1;
@@ -87,8 +87,8 @@ pub(crate) struct Args {
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<TableFormat>,
-    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
-    /// maps, track.geojson and track.kml.
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track
+    /// for maps, track.geojson and track.kml.
     #[arg(long)]
     report: bool,
     /// Prints summary.json in place of the closing summary.
@@ -326,8 +326,8 @@ fn orienter(
     Ok(Orienter::new(OrienterSettings { sd_scale: factor, ..settings }).map_err(usage)?)
 }
 
-/// The largest factor on the standard deviations that the known lengths may ask for. Where nothing is
-/// said of the positions' quality it counts from what scatters.
+/// The largest factor on the standard deviations that the known lengths may ask for. Where nothing
+/// is said of the positions' quality it counts from what scatters.
 fn max_factor(lengths: &[Length], input: &Positions) -> f64 {
     if input.states_quality {
         return MAX_SD_FACTOR;

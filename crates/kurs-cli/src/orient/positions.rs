@@ -115,8 +115,8 @@ fn silent(logs: &[Log], fixes: &[PositionFix]) -> Vec<(String, String)> {
     without.map(|log| (log.path.clone(), log.sentences.why_no_position())).collect()
 }
 
-/// Heights of logs that never state the separation of the geoid are taken to the ellipsoid by that of
-/// another receiver: all are on one body. Says of which log.
+/// Heights of logs that never state the separation of the geoid are taken to the ellipsoid by that
+/// of another receiver: all are on one body. Says of which log.
 fn fill_separations(logs: &[Log], fixes: &mut [PositionFix]) -> Vec<(String, String)> {
     let known = logs.iter().find_map(|log| Some((log, log.sentences.separation_m?)));
     let mut notes = Vec::new();
@@ -170,8 +170,8 @@ fn split_argument<'a>(
     }
 }
 
-/// The antenna of an NMEA log: as the argument says, by the file's name, or by its place where there
-/// is one file for each antenna.
+/// The antenna of an NMEA log: as the argument says, by the file's name, or by its place where
+/// there is one file for each antenna.
 fn antenna_of(
     name: Option<&str>,
     path: &Path,

@@ -30,7 +30,8 @@ const KEYS: [&str; 9] = [
     "bands",
 ];
 
-/// Lengths weigh by their standard deviations; places that `kurs solve` takes for exact are as good as this.
+/// Lengths weigh by their standard deviations; places that `kurs solve` takes for exact are as good
+/// as this.
 const MIN_LENGTH_SD_M: f64 = 1e-6;
 
 /// The file: an array of its own, or the configuration of `kurs solve`.

@@ -25,8 +25,8 @@ pub(super) struct Improvement {
     pub(super) added: Option<(Vector3<f64>, f64)>,
 }
 
-/// The weak axis over these epochs, the best move by [`MOVE_M`] and the best additional antenna on a
-/// corner or face of the box around the array; `None` if no epoch has an accuracy.
+/// The weak axis over these epochs, the best move by [`MOVE_M`] and the best additional antenna on
+/// a corner or face of the box around the array; `None` if no epoch has an accuracy.
 pub(super) fn best(
     array: &AntennaArray,
     attitude: &Attitude,

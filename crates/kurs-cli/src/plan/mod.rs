@@ -36,7 +36,7 @@ use crate::window::{parse_seconds, parse_time};
 
 /// Simulated epochs for the success rate with known length.
 const LENGTH_DRAWS: u32 = 1000;
-/// Simulated epochs for the success rate with the whole array as constraint, whose search takes longer.
+/// Simulated epochs for the success rate of the array constraint, whose search takes longer.
 const ARRAY_DRAWS: u32 = 300;
 /// Epochs over the time span that stand for all of it where every candidate costs a calculation.
 const SAMPLED_EPOCHS: usize = 24;
@@ -49,11 +49,12 @@ pub(crate) struct Args {
     /// Antennas (`[[antenna]]` with `name` and `position_m`) and what is planned for (`[plan]`), or
     /// the configuration of `kurs solve`
     array: PathBuf,
-    /// Navigation file, in place of those of the file; several may be given; a nominal sky without any
+    /// Navigation file, in place of those of the file; several may be given; a nominal sky without
+    /// any
     #[arg(long)]
     nav: Vec<PathBuf>,
-    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the first
-    /// ephemeris)
+    /// GPS time to begin with, such as 2024-06-24T08:20:00 (default: the first observation, or the
+    /// first ephemeris)
     #[arg(long, visible_alias = "from", value_name = "TIME", value_parser = parse_time)]
     at: Option<GpsTime>,
     /// Time span, such as 24h, 90m or 600s
@@ -94,7 +95,7 @@ struct Epoch {
     sights: Vec<Sight>,
     /// Absent where the satellites do not suffice.
     accuracy: Option<AttitudeAccuracy>,
-    /// Of one baseline from one epoch, without any constraint.
+    /// Success rate of one baseline from one epoch, without any constraint.
     success_rate: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What the observations of a working configuration tell a plan: place, bands, noise, heading, time.
+//! What a plan takes from the observations of a configuration: place, bands, noise, heading, time.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -29,13 +29,13 @@ pub(super) struct Session {
     pub(super) place: Option<Geodetic>,
     pub(super) heading_deg: Option<f64>,
     pub(super) bands: BTreeSet<Band>,
-    /// Of one antenna at the zenith.
+    /// Standard deviation of one antenna at the zenith.
     pub(super) code_sd_m: Option<f64>,
     pub(super) phase_sd_m: Option<f64>,
 }
 
 impl Session {
-    /// Solves a sample of the session of this configuration; `nav` in place of its navigation files.
+    /// Solves a sample of the configuration's session; `nav` in place of its navigation files.
     pub(super) fn read(configuration: &Path, nav: &[PathBuf]) -> anyhow::Result<Self> {
         let overrides = Overrides { nav, ..Overrides::default() };
         let loaded = config::load(Some(configuration), &overrides)?;
@@ -80,12 +80,12 @@ fn heading_deg(rows: &[EpochSolution]) -> Option<f64> {
     is_one.then(|| east.atan2(north).to_degrees().rem_euclid(360.0))
 }
 
-/// Standard deviation of one observation of one antenna, taken to the zenith, from the residuals of the
-/// fixed epochs.
+/// Standard deviation of one observation of one antenna, taken to the zenith, from the residuals of
+/// the fixed epochs.
 ///
 /// Double differences of `N` observations of `m` antennas in `g` groups of one signal have
-/// `N (m − 1)/m − g (m − 1)` redundant ones, less the coordinates that were estimated from them; the
-/// squares of all residuals add up to that many variances.
+/// `N (m − 1)/m − g (m − 1)` redundant ones, less the coordinates that were estimated from them;
+/// the squares of all residuals add up to that many variances.
 fn zenith_sd_m(
     rows: &[EpochSolution],
     of: impl Fn(&SignalResidual) -> Option<f64>,

@@ -257,8 +257,8 @@ pub(super) fn success_rate(epochs: &Epochs) -> Option<Shown> {
     epochs.has(|sample| sample.success_rate.is_some()).then(|| Shown::Curve(Box::new(plot)))
 }
 
-/// The satellites above the horizon, zenith in the middle, north up: where phases were used coloured by
-/// their residuals, and the paths of the others.
+/// The satellites above the horizon, zenith in the middle, north up: where phases were used
+/// coloured by their residuals, and the paths of the others.
 pub(super) fn sky(epochs: &Epochs, ephemerides: &EphemerisStore, residuals: &Residuals) -> Plot {
     let mut plot = disc();
     add_paths(&mut plot, &epochs.samples, ephemerides);
@@ -474,8 +474,8 @@ fn continued_beside(mut angles: Curve, others: &Curve) -> Curve {
     angles
 }
 
-/// Bands of one and three standard deviations around an angle or its rate; without width where there are
-/// none.
+/// Bands of one and three standard deviations around an angle or its rate; without width where
+/// there are none.
 fn add_bands(plot: &mut Plot, epochs: &Epochs, angles: &Curve, sd_deg: impl Fn(&Sample) -> f64) {
     // Time, angle and standard deviation.
     let mut known: Vec<(f64, f64, f64)> = Vec::new();

@@ -1,5 +1,5 @@
-//! What the solution leaves of the signals, gathered over the whole run: by satellite and signal, and by
-//! place in the sky.
+//! What the solution leaves of the signals, gathered over the whole run: by satellite and signal,
+//! and by place in the sky.
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! Keeps a bounded number of epochs for plots, without hiding trouble or the solution: a group of epochs
-//! is represented by one that is not fixed, if it has any, and by one that has an attitude.
+//! Keeps a bounded number of epochs for plots, without hiding trouble or the solution: a group of
+//! epochs is represented by one that is not fixed, if it has any, and by one that has an attitude.
 
 use kurs::solution::Status;
 

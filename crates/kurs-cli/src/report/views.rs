@@ -1,5 +1,5 @@
-//! The sky as each antenna sees it: where signals arrive weaker than they usually do and than at the other
-//! antennas, because something stands in the way.
+//! The sky as each antenna sees it: where signals arrive weaker than they usually do and than at
+//! the other antennas, because something stands in the way.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::residuals::{Cell, cell, centre_rad};
 
-/// A satellite is behind something at an antenna if that is so in more than this share of the epochs.
+/// Share of the epochs above which a satellite counts as behind something at an antenna.
 const MIN_SHARE: f64 = 0.05;
 
 /// What is missing of the signals, by antenna and place in the sky.
@@ -46,7 +46,8 @@ pub(super) struct View {
     pub(super) missing_db: f64,
 }
 
-/// A satellite that something stands before at one antenna, in `doctor.json`: means over the epochs in which it does.
+/// A satellite that something stands before at one antenna, in `doctor.json`: means over the epochs
+/// in which it does.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct HiddenRow {
     pub(crate) antenna: String,
@@ -71,7 +72,7 @@ impl Mean {
 }
 
 impl Views {
-    /// Takes the signals of an epoch in; of those of one satellite at one antenna the weakest tells.
+    /// Takes the signals of an epoch in; the weakest of a satellite at an antenna counts.
     pub(crate) fn add(&mut self, signals: &[SignalResidual]) {
         let mut weakest: BTreeMap<(usize, Satellite), &SignalResidual> = BTreeMap::new();
         for signal in signals {
@@ -175,7 +176,7 @@ mod tests {
     #[test]
     fn a_satellite_behind_something_at_one_antenna_is_named() {
         let mut views = Views::default();
-        // About north: the mean azimuth is no mean of 359 and 1.
+        // About north: the mean azimuth of 359° and 1° is not 180°.
         for (azimuth_deg, missing_db) in [(359.0, 8.0), (1.0, 10.0), (3.0, 0.5)] {
             views.add(&[
                 signal(0, "G05", azimuth_deg, 0.0),

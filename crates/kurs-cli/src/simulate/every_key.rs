@@ -1,5 +1,5 @@
-//! Every key of a scenario file: misspelt, of a wrong type, at and beyond its limits, and beside keys
-//! that contradict it.
+//! Every key of a scenario file: misspelt, of a wrong type, at and beyond its limits, and beside
+//! keys that contradict it.
 #![allow(clippy::unwrap_used)] // tests
 
 use kurs_sim::scenario::Scenario;
@@ -411,7 +411,7 @@ fn error_of(text: &str, assignment: &Assignment<'_>, value: &str) -> String {
     let path = &assignment.path;
     let error = refused(&assignment.set(text, value));
     let error = error.unwrap_or_else(|| panic!("{path} = {value} was taken"));
-    // Of a line that cannot be read the number stands before, and the bare key behind.
+    // For a line that cannot be read, its number comes first and the bare key behind it.
     let line = format!("s.toml:{}: ", assignment.number + 1);
     let is_named = error.starts_with(&format!("{path}: "))
         || (error.starts_with(&line) && error.contains(assignment.key))
@@ -461,14 +461,14 @@ fn a_wrong_type_is_refused_with_its_line_and_key() {
             let place = format!("s.toml:{}: ", assignment.number + 1);
             let key = format!("`{}`", assignment.key);
             assert!(error.starts_with(&place) && error.contains(&key), "{value}: {error}");
-            // Of an enumeration serde says what it "wanted".
+            // For an enumeration serde says what it "wanted".
             let says_more = error.contains("expected") || error.contains("wanted");
             assert!(says_more, "{value}: {error}");
         }
     });
 }
 
-/// A number at its limits is taken, beyond them, and one that is none, is refused.
+/// A number at its limits is taken; one beyond them, and NaN, is refused.
 #[test]
 fn numbers_have_limits() {
     for_each(|text, assignment| {
@@ -488,7 +488,7 @@ fn numbers_have_limits() {
         let mut wrong =
             vec![low - little, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300];
         (if zero_is_refused { &mut wrong } else { &mut taken }).push(low);
-        // Of what begins after its end, the end is refused; the highest duration would only take long.
+        // Of a begin after its end the end is refused; the highest duration only takes long.
         if path != "duration_s" && !path.ends_with("from_s") {
             wrong.push(high + little);
         }

@@ -1,5 +1,5 @@
-//! `imu.csv`: what gyros and accelerometers read, and `fuse.toml`, which joins it with the attitudes
-//! of `kurs solve`.
+//! `imu.csv`: what gyros and accelerometers read, and `fuse.toml`, which joins it with the
+//! attitudes of `kurs solve`.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -32,7 +32,7 @@ pub(super) fn write(
         if body.antenna.len() >= 2 {
             let places = body.antenna.iter().map(|a| Vector::from_xyz(a.position_m.into()));
             let shape = AntennaArray::new(places.collect()).map(|array| array.shape());
-            // Of a line the attitude tells no way from its first antenna to the origin.
+            // Antennas in a line leave the way from the first one to the origin undetermined.
             let velocity_point_m = match shape {
                 Ok(Shape::Planar | Shape::Spatial) => [0.0; 3],
                 Ok(Shape::Collinear) | Err(_) => body.antenna[0].position_m,

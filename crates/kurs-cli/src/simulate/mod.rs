@@ -162,7 +162,7 @@ fn closing(out: &Path, epochs: usize) -> String {
 /// Everything that is written epoch by epoch.
 #[derive(Default)]
 struct Files {
-    /// Of all bodies in turn, then of the station.
+    /// Antennas of all bodies in turn, then that of the station.
     antennas: Vec<ObservationFiles>,
     truth: Vec<TruthTable>,
     ambiguities: Option<AmbiguityTable>,

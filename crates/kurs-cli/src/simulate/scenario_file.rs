@@ -30,8 +30,8 @@ const BUILT_IN: [(&str, &str); 11] = [
     ("street", include_str!("../../scenarios/street.toml")),
 ];
 
-/// Reads a scenario file, or a built-in scenario by its name, with the values of `--set`, and the files that
-/// it refers to.
+/// Reads a scenario file, or a built-in scenario by its name, with the values of `--set`, and the
+/// files that it refers to.
 pub(crate) fn load(path: &Path, set: &[String]) -> anyhow::Result<(Scenario, Attachments)> {
     let name = path.to_string_lossy();
     let built_in = BUILT_IN.iter().find(|(known, _)| *known == name);

@@ -1,5 +1,5 @@
-//! The simulated receivers as live streams: each antenna sends its log at a TCP port, epoch by epoch,
-//! at the time at which it was measured or faster.
+//! The simulated receivers as live streams: each antenna sends its log at a TCP port, epoch by
+//! epoch, at the time at which it was measured or faster.
 
 use std::cell::RefCell;
 use std::io::{self, Write};
@@ -27,8 +27,9 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
 /// How the streams are sent.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct StreamArgs {
-    /// Sends the observations as live streams at TCP ports of the loopback, from this one on, one for
-    /// each antenna (a fixed station last), in place of files. Begins when every port has a client.
+    /// Sends the observations as live streams at TCP ports of the loopback, from this one on, one
+    /// for each antenna (a fixed station last), in place of files. Begins when every port has a
+    /// client.
     #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) stream: Option<u16>,
     /// Protocol of the streams.
@@ -226,7 +227,7 @@ impl Receiver {
             Writer::Sbf(writer) => writer.write(&[epoch]),
         }?;
         let bytes = core::mem::take(&mut *self.sent.0.borrow_mut());
-        // A client that is gone, or does not read, is none any more.
+        // A client that is gone, or does not read, is dropped.
         self.clients.retain_mut(|client| client.write_all(&bytes).is_ok());
         Ok(())
     }

@@ -1,8 +1,8 @@
 //! The backward run of `direction = "both"`.
 //!
-//! Files are read forward only. Each pass over them keeps the last epochs before those that are done, as many as
-//! memory is meant for, and the engine takes these in reverse: a session that fits is read once more than without,
-//! a longer one once more for each such part.
+//! Files are read forward only. Each pass over them keeps the last epochs before those that are
+//! done, as many as memory is meant for, and the engine takes these in reverse: a session that fits
+//! is read once more than without, a longer one once more for each such part.
 
 use std::collections::VecDeque;
 
@@ -17,7 +17,8 @@ use super::input;
 use crate::interrupt::Watch;
 use crate::progress::Progress;
 
-/// What epochs may take at a time, bytes: two hours of four antennas with 30 satellites on two bands at 1 Hz.
+/// What epochs may take at a time, bytes: two hours of four antennas with 30 satellites on two
+/// bands at 1 Hz.
 const MAX_MEMORY: usize = 150_000_000;
 
 /// Solves the session from its end to its begin, with an engine that goes backward.

@@ -102,7 +102,7 @@ pub(crate) struct AntennaTable {
 }
 
 impl AntennaTable {
-    /// Refuses a type without calibrations, and an orientation that turns nothing or is out of range.
+    /// Refuses a type without calibrations, an orientation without a type or out of range.
     fn check_calibration(&self, antex: &AntexTable) -> Result<(), UsageError> {
         let what = match (&self.antenna_type, self.antenna_orientation_deg) {
             (Some(_), _) if antex.files.is_empty() => {
@@ -165,7 +165,7 @@ pub(crate) struct AntexTable {
 pub(crate) struct NavTable {
     #[serde(default)]
     pub(crate) files: Vec<PathBuf>,
-    /// Of a log only the ephemerides that came before the epoch, as a live run knows them.
+    /// Uses only the ephemerides of a log that came before the epoch, as a live run knows them.
     #[serde(default)]
     pub(crate) as_received: bool,
     /// Date, or date and time, of logs that do not tell it.
@@ -334,8 +334,8 @@ pub(crate) struct FilterTable {
 }
 
 impl Default for FilterTable {
-    /// That of `kurs fuse`, but that hardly anything waits for what is out of order: a stream has its order,
-    /// and only the clock of a receiver is off by up to some milliseconds.
+    /// That of `kurs fuse`, but that hardly anything waits for what is out of order: a stream has
+    /// its order, and only the clock of a receiver is off by up to some milliseconds.
     fn default() -> Self {
         let FilterConfig { gate_sigmas, first_angle_sd_deg, .. } = FilterConfig::default();
         Self { gate_sigmas, first_angle_sd_deg, order_window_s: 0.01 }
@@ -643,7 +643,7 @@ fn gps_time(time: &toml::value::Datetime) -> Option<GpsTime> {
     })
 }
 
-/// `NAME=OBS[#ID][@X,Y,Z]`: the protocol, station (RTCM 3) or antenna (SBF) of a log that has several.
+/// `NAME=OBS[#ID][@X,Y,Z]`; ID: protocol, station (RTCM 3) or antenna (SBF) of a log with several.
 fn antenna_flag(flag: &str) -> Result<toml::Table, UsageError> {
     let expected = || {
         UsageError(format!(
@@ -661,7 +661,7 @@ fn antenna_flag(flag: &str) -> Result<toml::Table, UsageError> {
                 coordinates.split(',').map(|c| c.trim().parse()).collect();
             match numbers {
                 Ok(xyz) if xyz.len() == 3 => (obs, Some(xyz)),
-                // An @ in a file name is no position.
+                // An @ in a file name does not begin a position.
                 _ if Path::new(rest).exists() => (rest, None),
                 _ => return Err(expected()),
             }

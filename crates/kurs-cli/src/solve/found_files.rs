@@ -11,10 +11,11 @@ use kurs_formats::source::{ReadError, Source};
 use crate::failure::UsageError;
 use crate::pipe::InputFile;
 
-/// What was expected of a file that is none of them.
+/// What was expected of a file that is of no known kind.
 const EXPECTED: &str = "a configuration (TOML), observations (RINEX, or a log: UBX, RTCM 3, SBF), navigation \
     data, orbits (SP3) or antennas (ANTEX)";
-/// Letters of a site in the names of IGS files: `ABMF00GLP_R_2024…`, and of the older `abmf1760.24o`.
+/// Letters of a site in the names of IGS files: `ABMF00GLP_R_2024…`, and of the older
+/// `abmf1760.24o`.
 const SITE_OF_LONG_NAME: usize = 9;
 const SITE_OF_SHORT_NAME: usize = 4;
 
@@ -37,7 +38,7 @@ pub(crate) struct FoundFiles {
 pub(crate) struct FoundAntenna {
     pub(crate) name: String,
     pub(crate) files: Vec<PathBuf>,
-    /// Of a log that has several.
+    /// The part that is meant, in a log that has several.
     pub(crate) part: Option<LogPart>,
 }
 
@@ -50,9 +51,9 @@ enum Purpose {
 }
 
 impl FoundFiles {
-    /// Looks into the files. `nav` are those after `--nav`, an option that takes every file behind it: where
-    /// no antenna is `named` and there is no configuration, observations among them are antennas, those of logs
-    /// if antennas are missing.
+    /// Looks into the files. `nav` are those after `--nav`, an option that takes every file behind
+    /// it: where no antenna is `named` and there is no configuration, observations among them are
+    /// antennas, those of logs if antennas are missing.
     pub(crate) fn sort(
         files: &[InputFile],
         nav: &[InputFile],
@@ -73,7 +74,7 @@ impl FoundFiles {
                         found.take(file, purpose)?;
                     }
                 }
-                // What cannot be used is told of where it is read.
+                // What cannot be used is reported where it is read.
                 _ => found.nav_option.push(file.path().to_owned()),
             }
         }

@@ -6,8 +6,8 @@ use kurs_formats::fingerprint::Fingerprint;
 
 use super::config::Loaded;
 
-/// The keys in force, the program's version, the part of the session, and size and content of every input; those that were read
-/// already are `known`, by name.
+/// The keys in force, the program's version, the part of the session, and size and content of every
+/// input; those that were read already are `known`, by name.
 pub(super) fn of(loaded: &Loaded, known: &[(String, Fingerprint)]) -> String {
     let mut text =
         format!("{}\n{}\n{:?}\n", env!("CARGO_PKG_VERSION"), loaded.text(), loaded.window);

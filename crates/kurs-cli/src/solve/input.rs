@@ -29,7 +29,7 @@ pub(crate) const SOURCES_OF_EPHEMERIDES: &str = "give --nav FILE, or let the rec
 pub(crate) struct Input {
     pub(crate) navigation: NavigationData,
     pub(crate) streams: Streams,
-    /// Of the antennas whose type is given.
+    /// Phase centres of the antennas whose type is given.
     pub(crate) phase_centers: PhaseCenters,
     /// What was damaged in the navigation and ANTEX files.
     pub(crate) damage: Vec<Damage>,
@@ -87,8 +87,8 @@ pub(crate) fn one_antenna(loaded: &Loaded, streams: &Streams) -> String {
     format!("only one antenna has observations: {}{whole}{damage}", streams.spans())
 }
 
-/// All files read to their ends, also outside the window; `None` where they have been read so already, or
-/// cannot be read again.
+/// All files read to their ends, also outside the window; `None` where they have been read so
+/// already, or cannot be read again.
 fn whole_session(loaded: &Loaded) -> Option<Streams> {
     if loaded.window.is_everything() || !loaded.input_files().iter().all(can_be_read_again) {
         return None;
@@ -148,7 +148,7 @@ pub(crate) fn station_trouble(loaded: &Loaded, station: StationUse) -> Option<Da
     Some(Damage::at(files.join(", "), 1, what))
 }
 
-/// Navigation data of all files, the logs among the observation files too; what was damaged in them.
+/// Navigation data of all files, logs of observations included, and the damage in them.
 fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damage>)> {
     let mut navigation = NavigationData::default();
     let mut damage = Vec::new();
@@ -174,7 +174,7 @@ fn read_navigation(loaded: &Loaded) -> anyhow::Result<(NavigationData, Vec<Damag
         let mut source = Source::open(path)?;
         let near = loaded.approximate_time();
         let summary = kurs_formats::navigation::read_near(&mut source, near, &mut navigation)?;
-        // What is no message in an observation log is found again with the observations.
+        // Damage in an observation log is found again with the observations.
         let framing = if index < given_count { summary.framing.listed() } else { &[] };
         let entries = framing.iter().chain(summary.damage.listed());
         damage.extend(entries.map(|d| Damage::new(path.display().to_string(), d)));

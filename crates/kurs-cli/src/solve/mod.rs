@@ -84,8 +84,8 @@ pub(crate) struct Args {
     /// Output formats.
     #[arg(long, value_enum, default_value = "csv", value_delimiter = ',')]
     format: Vec<Format>,
-    /// Writes report.html: plots of the whole run on one page that needs no network; and the track for
-    /// maps, track.geojson and track.kml.
+    /// Writes report.html: plots of the whole run on one page that needs no network; and the track
+    /// for maps, track.geojson and track.kml.
     #[arg(long)]
     report: bool,
     /// Prints summary.json in place of the closing summary.
@@ -94,7 +94,8 @@ pub(crate) struct Args {
     /// Compares with the truth.csv of a simulation, and the ambiguities.csv beside it.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Prints every key in force and where its value comes from, and stops; with `toml` as a configuration.
+    /// Prints every key in force and where its value comes from, and stops; with `toml` as a
+    /// configuration.
     #[arg(long, value_name = "FORMAT", value_enum, num_args = 0..=1, require_equals = true,
         default_missing_value = "text")]
     explain: Option<ExplainFormat>,
@@ -388,7 +389,7 @@ pub(crate) fn engine(
     Ok(Differential::new(engine, station_m).map_err(unusable)?)
 }
 
-/// The settings that the engine refuses, by the keys of the configuration: angles there are in degrees.
+/// The setting that the engine refuses, by its key in the configuration, angles in degrees.
 fn in_keys(error: &SettingsError) -> String {
     let SettingsError::OutOfRange { field, found, low, high } = error else {
         return error.to_string();

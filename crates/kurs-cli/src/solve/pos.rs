@@ -1,5 +1,5 @@
-//! Solutions as RTKLIB writes them, for RTKPLOT and what else reads `.pos` files: the position, and each
-//! baseline as east, north and up.
+//! Solutions as RTKLIB writes them, for RTKPLOT and what else reads `.pos` files: the position, and
+//! each baseline as east, north and up.
 
 use std::io::Write as _;
 use std::path::Path;

@@ -24,7 +24,8 @@ pub(super) struct Review {
     truth: Option<(Truth, Agreement)>,
 }
 
-/// What `kurs doctor` would say first, where little is fixed or an antenna has no part; `None` where enough is.
+/// What `kurs doctor` would say first, where little is fixed or an antenna has no part; `None`
+/// where enough is.
 pub(super) fn in_one_line(loaded: &Loaded, summary: &Summary, copies: &Copies) -> Option<String> {
     if let Some(text) = copies.text(&antenna_names(loaded)) {
         return Some(text);

@@ -1,5 +1,5 @@
-//! What `solve`, `survey` and `doctor` are given: a configuration, or files that are told apart by their
-//! content, with the keys and the part of the session that the command line sets.
+//! What `solve`, `survey` and `doctor` are given: a configuration, or files that are told apart by
+//! their content, with the keys and the part of the session that the command line sets.
 
 use std::path::{Path, PathBuf};
 
@@ -15,8 +15,8 @@ use crate::window::Window;
 /// The arguments.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct SessionArgs {
-    /// Configuration file (TOML); or observation, navigation, orbit (SP3) and antenna (ANTEX) files in any
-    /// order, `-` for standard input: their content tells what they are.
+    /// Configuration file (TOML); or observation, navigation, orbit (SP3) and antenna (ANTEX) files
+    /// in any order, `-` for standard input: their content tells what they are.
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// An antenna: its name, observation file, and place on the body (m: forward, right, down).
@@ -30,7 +30,7 @@ pub(crate) struct SessionArgs {
     set: Vec<String>,
     #[command(flatten)]
     window: Window,
-    /// Of a manifest: files in place of those that the configuration names for an antenna.
+    /// Files of a manifest, in place of those that the configuration names for an antenna.
     #[arg(skip)]
     observations: Vec<(String, Vec<PathBuf>)>,
 }
@@ -45,12 +45,12 @@ pub(crate) struct Session {
 }
 
 impl SessionArgs {
-    /// Of one configuration file.
+    /// A session of one configuration file.
     pub(crate) fn of_configuration(file: PathBuf) -> Self {
         Self { files: vec![file], ..Self::default() }
     }
 
-    /// Of a row of a manifest.
+    /// A session of one row of a manifest.
     pub(crate) fn of_manifest(
         files: Vec<PathBuf>,
         nav: Vec<PathBuf>,
@@ -90,8 +90,8 @@ impl SessionArgs {
 }
 
 impl Session {
-    /// The text that stands for the keys in force, the program and the contents of all inputs, of which these are `known` by
-    /// name.
+    /// The text that stands for the keys in force, the program and the contents of all inputs, of
+    /// which these are `known` by name.
     pub(crate) fn identity(&self, known: &[(String, Fingerprint)]) -> String {
         identity::of(&self.loaded, known)
     }

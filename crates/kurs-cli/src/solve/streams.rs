@@ -74,7 +74,8 @@ impl Streams {
         Ok(Self { streams, matcher, received, station, bytes })
     }
 
-    /// Leaves out the systems that are not wanted from the next epoch on, where their observations need not be read.
+    /// Leaves out the systems that are not wanted from the next epoch on, where their observations
+    /// need not be read.
     pub(crate) fn keep_systems(&mut self, wanted: impl Fn(System) -> bool) {
         for stream in self.streams.iter_mut().chain(&mut self.station) {
             stream.reader.keep_systems(&wanted);
@@ -136,8 +137,8 @@ impl Streams {
         Ok(self.matcher.poll(NO_CLOCK_S))
     }
 
-    /// Navigation data that the logs brought before `epoch`, the one that was given last, where they
-    /// count as received.
+    /// Navigation data that the logs brought before `epoch`, the one that was given last, where
+    /// they count as received.
     pub(crate) fn news(&mut self, epoch: &ArrayEpoch) -> Vec<NavigationData> {
         self.received.release(epoch)
     }
@@ -215,7 +216,7 @@ fn reclaim(epoch: &mut ArrayEpoch, antenna: usize) -> AntennaEpoch {
     epoch.antennas.get_mut(antenna).and_then(Option::take).unwrap_or_default()
 }
 
-/// Bytes of a file; `None` for what is none.
+/// Bytes of a file; `None` for what is not a file.
 fn size(file: &Path) -> Option<u64> {
     std::fs::metadata(file).ok().filter(std::fs::Metadata::is_file).map(|data| data.len())
 }

@@ -176,7 +176,7 @@ const OBJECT_HEIGHTS_M: [f64; 2] = [-1e4, 1e9];
 /// Heights of what stands on the ground or flies in the air, m.
 const STATION_HEIGHTS_M: [f64; 2] = [-1e4, 1e5];
 
-/// Refuses a number that is none, or outside of what the key can have.
+/// Refuses NaN and infinities, and numbers outside of the range of the key.
 fn check(what: &str, found: f64, [least, most]: [f64; 2]) -> Result<(), UsageError> {
     if (least..=most).contains(&found) {
         return Ok(());
@@ -185,7 +185,8 @@ fn check(what: &str, found: f64, [least, most]: [f64; 2]) -> Result<(), UsageErr
 }
 
 impl Place {
-    /// The position; one of the two ways of giving it must be complete, and its height one of `heights_m`.
+    /// The position; one of the two ways of giving it must be complete, and its height one of
+    /// `heights_m`.
     fn position_m(&self, what: &str, heights_m: [f64; 2]) -> Result<Vector<Ecef>, UsageError> {
         match (self.latitude_deg, self.longitude_deg, self.height_m, self.position_ecef_m) {
             (Some(latitude), Some(longitude), Some(height), None) => {

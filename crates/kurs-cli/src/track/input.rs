@@ -79,7 +79,7 @@ fn from_tdm(config: &Config, name: &str, text: &str) -> anyhow::Result<Vec<Obser
 
 /// Refuses a number that no station can measure, whatever its noise.
 fn check(measurement: &Measurement) -> anyhow::Result<()> {
-    /// Noise beyond this many standard deviations is none.
+    /// What is off by more standard deviations than this is not noise.
     const SIGMAS: f64 = 5.0;
     /// To beyond the planets.
     const LONGEST_M: f64 = 1e13;

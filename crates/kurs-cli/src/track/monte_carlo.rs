@@ -1,6 +1,6 @@
 //! `--monte-carlo`: standard deviations three ways along the simulated path, for each set of
-//! measurements, as in figure 4 of the paper; and the deviations of one draw by three methods, as in
-//! its table.
+//! measurements, as in figure 4 of the paper; and the deviations of one draw by three methods, as
+//! in its table.
 
 use std::fmt::Write as _;
 use std::path::Path;

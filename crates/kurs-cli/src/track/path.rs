@@ -281,7 +281,7 @@ fn smoothed(
 }
 
 /// Smooths until no residual is an outlier; `path`: positions to start from, by seconds from the
-/// first measurement. The residuals are those of all measurements, of outliers when they were found.
+/// first measurement. An outlier's residual is that of the round which found it.
 fn smooth_without_outliers(
     config: &Config,
     stations: &[Station],

@@ -354,7 +354,8 @@ fn a_cut_file_keeps_what_came_before() {
     );
 }
 
-/// A receiver that does not know the date when it is switched on: its first epochs make no session of years.
+/// A receiver that does not know the date when it is switched on: its first epochs make no session
+/// of years.
 #[test]
 fn epochs_of_a_wrong_date_are_damage_and_no_gap() {
     let folder = Folder::new();
@@ -394,8 +395,8 @@ fn a_closed_pipe_ends_the_program_quietly() {
     assert_eq!(output.status.code(), None, "ended by the signal: {stderr}");
 }
 
-/// A fast receiver that is switched on while a slow one runs, and an epoch that is dated a minute too early: neither an unusual
-/// interval nor an epoch that is dropped ends the session.
+/// A fast receiver that is switched on while a slow one runs, and an epoch that is dated a minute
+/// too early: neither an unusual interval nor an epoch that is dropped ends the session.
 #[test]
 fn every_epoch_has_its_row_whatever_comes_before() {
     let folder = Folder::new();

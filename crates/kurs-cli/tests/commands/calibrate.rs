@@ -219,7 +219,7 @@ fn problems_are_named() {
         })
         .collect();
     refused("six-position", &shaken, "motion in pose 3");
-    // Milliseconds in the column of seconds; a sensor that never rests; a number that is no reading.
+    // Milliseconds in the column of seconds; a sensor that never rests; an impossible reading.
     let good = log(&six, 9, 1.0, NOISE_MPS2);
     let change = |name: &str, change: &dyn Fn(usize, Vec<f64>) -> Vec<f64>| {
         let rows = good.lines().skip(1).enumerate().map(|(k, line)| {
@@ -311,8 +311,8 @@ fn a_wrong_gravity_is_named() {
     assert!(text(&output.stderr).contains("--gravity: NaN found"));
 }
 
-/// A pause, times that go back, rows that are no numbers: named, and the rest is used. An axis at the
-/// end of its range is named.
+/// A pause, times that go back, rows that are no numbers: named, and the rest is used. An axis at
+/// the end of its range is named.
 #[test]
 fn damage_in_the_log_is_named_and_survived() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,6 @@
-//! One command line for all commands: files told by their content, pipes, the part of a session, folders
-//! that are cleared, interruption, a full disk, explanations, completions, formats for other programs.
+//! One command line for all commands: files told by their content, pipes, the part of a session,
+//! folders that are cleared, interruption, a full disk, explanations, completions, formats for
+//! other programs.
 #![allow(clippy::unwrap_used)] // tests
 
 use std::fs;
@@ -230,7 +231,8 @@ fn text_may_be_packed_and_come_through_a_pipe() {
     }
 }
 
-/// A configuration that comes through a pipe has its paths from the working folder, and none is made of pipes.
+/// A configuration that comes through a pipe has its paths from the working folder, and none is
+/// made of pipes.
 #[test]
 fn a_configuration_may_be_a_pipe_and_has_none() {
     let folder = tempfile::tempdir().unwrap();
@@ -650,7 +652,7 @@ fn the_same_flags_everywhere() {
     assert_eq!(solved, json(folder.path(), "kurs-out/solve/summary.json"));
 }
 
-/// A manifest with two good sessions and one whose configuration is not there, in a folder of its own.
+/// A manifest with two good sessions and one without its configuration, in a folder of its own.
 fn archive() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let config = session().join("kurs.toml").display().to_string();

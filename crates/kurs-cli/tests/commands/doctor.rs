@@ -1,6 +1,5 @@
-//! `kurs doctor` names the cause, and no consequence of it: faults put into simulated sessions, each with
-//! its own seed.
-//! `kurs survey` finds the array that was simulated.
+//! `kurs doctor` names the cause, and no consequence of it: faults put into simulated sessions,
+//! each with its own seed. `kurs survey` finds the array that was simulated.
 #![allow(clippy::unwrap_used)] // a test
 
 use std::fs;
@@ -210,8 +209,8 @@ fn a_band_that_no_antenna_observes() {
     assert!(summary.get("unobserved_bands").is_none());
 }
 
-/// What a receiver states about foreign signals (NAV-STATUS: spoofing; MON-RF: a band that is jammed) in front of
-/// every epoch is the finding, and stands in the report.
+/// What a receiver states about foreign signals (NAV-STATUS: spoofing; MON-RF: a band that is
+/// jammed) in front of every epoch is the finding, and stands in the report.
 #[test]
 fn stated_interference() {
     let (mut spoofed, mut jammed) = ([0; 16], [0; 28]);
@@ -270,8 +269,8 @@ fn with_epochs(file: &Path, name: &str, keeps: impl Fn(usize) -> bool) -> String
     path.display().to_string()
 }
 
-/// Every row that both antennas have is fixed, whichever epochs the slower one has; that it is silent in the
-/// others is no fault of it.
+/// Every row that both antennas have is fixed, whichever epochs the slower one has; that it is
+/// silent in the others is no fault of it.
 #[test]
 fn receivers_of_different_rates() {
     let folder = TempDir::new().unwrap();
@@ -335,8 +334,8 @@ fn positions_in_centimetres() {
     named("wrong_unit", 112, &Fault { configuration, ..Fault::default() });
 }
 
-/// Four antennas that are not in one plane fit only as their mirror image; three are the mirror image of
-/// themselves, upside down.
+/// Four antennas that are not in one plane fit only as their mirror image; three are the mirror
+/// image of themselves, upside down.
 #[test]
 fn right_and_left_exchanged() {
     let configuration = places_times([1.0, -1.0, 1.0]);

@@ -150,8 +150,8 @@ fn options_of_arm_and_filter() {
     }
 }
 
-/// An encoder measures the arm's angle, whose stated zero is 20° off: the filter finds the correction.
-/// Without it that looks like 20° of pitch.
+/// An encoder measures the arm's angle, whose stated zero is 20° off: the filter finds the
+/// correction. Without it that looks like 20° of pitch.
 #[test]
 fn the_angle_of_the_arm_is_an_input_of_its_own() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! `kurs fuse` for antennas with an inertial sensor, from end to end: `kurs simulate` makes a car with
-//! both and an outage of ten seconds, `kurs solve` its attitudes, `kurs fuse` joins them.
+//! `kurs fuse` for antennas with an inertial sensor, from end to end: `kurs simulate` makes a car
+//! with both and an outage of ten seconds, `kurs solve` its attitudes, `kurs fuse` joins them.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
@@ -166,8 +166,8 @@ fn an_outage_is_coasted_through_and_smoothed() {
     assert!(rows.iter().all(|row| row[1].is_nan() == OUTAGE_S.contains(&row[0])));
 }
 
-/// The epochs solved by `kurs fuse` itself: after an outage with few satellites back it fixes those that
-/// `kurs solve` cannot, and the rest is as good as before.
+/// The epochs solved by `kurs fuse` itself: after an outage with few satellites back it fixes those
+/// that `kurs solve` cannot, and the rest is as good as before.
 #[test]
 fn the_prediction_helps_the_integers() {
     let folder = tempfile::tempdir().unwrap();
@@ -228,8 +228,8 @@ fn two_antennas_and_more_rows_than_theirs() {
     }
 }
 
-/// A wrong fix is refused, and the row says so; rows and samples that are no numbers, out of order or
-/// saturated are named and survived; so is a pause of the sensor.
+/// A wrong fix is refused, and the row says so; rows and samples that are no numbers, out of order
+/// or saturated are named and survived; so is a pause of the sensor.
 #[test]
 fn damage_is_named_and_survived() {
     let folder = tempfile::tempdir().unwrap();

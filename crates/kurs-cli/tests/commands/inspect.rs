@@ -222,8 +222,8 @@ fn base_log(observed: &str) -> (Vec<u8>, GpsTime) {
     (writer.finish(), first)
 }
 
-/// Without ephemerides a log is inspected all the same: its week is unknown, or that of `--date`, of
-/// a navigation file beside it, or of its name. Messages are counted.
+/// Without ephemerides a log is inspected all the same: its week is unknown, or that of `--date`,
+/// of a navigation file beside it, or of its name. Messages are counted.
 #[test]
 fn a_log_without_ephemerides() {
     let folder = tempfile::tempdir().unwrap();

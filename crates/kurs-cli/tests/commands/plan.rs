@@ -110,8 +110,8 @@ fn a_solve_configuration_is_planned() {
     assert!(json(folder.path())["epochs"][0]["satellites"].as_u64().unwrap() > satellites);
 }
 
-/// Place, bands, noise, heading and time of a working configuration are those of its observations; what
-/// nothing tells is called assumed, and the end of the ephemerides is told.
+/// Place, bands, noise, heading and time of a working configuration are those of its observations;
+/// what nothing tells is called assumed, and the end of the ephemerides is told.
 #[test]
 fn a_working_configuration_is_planned_by_its_observations() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! `kurs solve` with precise orbits alone: the broadcast orbits of a recording, written as an SP3 file,
-//! give the same baselines as the broadcast file itself.
+//! `kurs solve` with precise orbits alone: the broadcast orbits of a recording, written as an SP3
+//! file, give the same baselines as the broadcast file itself.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Simulated UBX, RTCM 3 and SBF logs, solved by themselves: the attitude is that of the RINEX files.
+//! Simulated UBX, RTCM 3 and SBF logs, solved alone, give the attitude of the RINEX files.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use std::cell::RefCell;
@@ -117,9 +117,10 @@ fn by_signal(path: &Path) -> BTreeMap<(GpsTime, Satellite, Signal), Observation>
     all.flat_map(|epoch| epoch.observations.into_iter().map(move |o| key(epoch.time, o))).collect()
 }
 
-/// `convbin` of RTKLIB makes of the logs what the RINEX file has, within the resolution of each format: of
-/// phases in RTCM one and the same number of whole cycles is missing all the time. In UBX RTKLIB 2.4.3
-/// does not know E5a, and adds half a cycle to the geostationary satellites of BeiDou.
+/// `convbin` of RTKLIB makes of the logs what the RINEX file has, within the resolution of each
+/// format: of phases in RTCM one and the same number of whole cycles is missing all the time. In
+/// UBX RTKLIB 2.4.3 does not know E5a, and adds half a cycle to the geostationary satellites of
+/// BeiDou.
 #[test]
 fn convbin_reads_the_observations_of_the_logs() {
     let folder = tempfile::tempdir().unwrap();
@@ -127,7 +128,8 @@ fn convbin_reads_the_observations_of_the_logs() {
     simulated(folder.path());
     let all = by_signal(&path("simulated/A1.rnx"));
     assert!(all.len() > 61 * 30, "{}", all.len());
-    // Rounding of the converted file, and that of single precision, milliseconds/2²⁹ and /2³¹, 1e-4 m/s.
+    // Rounding of the converted file, and that of single precision, milliseconds/2²⁹ and /2³¹, 1e-4
+    // m/s.
     for (format, cn0_db, code_m, cycles, hertz) in
         [("ubx", 0.501, 1.1e-3, 1.1e-3, 2e-3), ("rtcm3", 0.04, 1.5e-3, 1.5e-3, 2e-3)]
     {
@@ -240,8 +242,8 @@ fn one_log_of_both_antennas_gives_the_same_attitude() {
     }
 }
 
-/// Ephemerides that only one of the receivers gets, and only after half a minute: what a live run could
-/// not know is not used.
+/// Ephemerides that only one of the receivers gets, and only after half a minute: what a live run
+/// could not know is not used.
 #[test]
 fn as_received_an_ephemeris_counts_from_the_epoch_that_follows_it() {
     let folder = tempfile::tempdir().unwrap();

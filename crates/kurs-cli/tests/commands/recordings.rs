@@ -1,7 +1,7 @@
 //! Real recordings, end to end: what `kurs solve` makes of them, against their truth.
 //!
-//! Reads the folder named by `KURS_DATA` (default `../shared/data` beside the workspace); where it is
-//! absent every test says `skipped` and passes.
+//! Reads the folder named by `KURS_DATA` (default `../shared/data` beside the workspace); where it
+//! is absent every test says `skipped` and passes.
 
 #![allow(clippy::print_stdout)] // measured figures, and what was skipped
 
@@ -294,7 +294,7 @@ fn positions_and_static_velocity() {
     }
 }
 
-/// A sky of six GPS satellites, one band, length known to 2 mm: few epochs can be fixed, none wrongly.
+/// Six GPS satellites, one band, length known to 2 mm: few epochs can be fixed, none wrongly.
 #[test]
 fn only_the_six_highest_satellites() {
     let Some(data) = data() else { return };

@@ -165,7 +165,7 @@ fn table(path: &Path) -> Vec<std::collections::HashMap<String, String>> {
     csv::Reader::from_path(path).unwrap().deserialize().map(Result::unwrap).collect()
 }
 
-/// Files of a second body, of the station, of an antenna that falls silent; `kurs.toml` ready to use.
+/// Files of a second body, the station, an antenna that falls silent; `kurs.toml` ready to use.
 #[test]
 fn bodies_stations_and_silent_antennas_have_their_files() {
     let mut text = SCENARIO.replace("satellites = [\"G05\", \"E03\"]", "antennas = [\"port\"]");

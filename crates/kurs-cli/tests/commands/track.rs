@@ -145,8 +145,8 @@ fn monte_carlo_follows_least_squares() {
     assert_eq!(compared, 5 * 25 * 3);
 }
 
-/// A message with a segment more, of angles that cannot be used: the path is that of the others, and
-/// a note names the segment.
+/// A message with a segment more, of angles that cannot be used: the path is that of the others,
+/// and a note names the segment.
 #[test]
 fn an_unusable_segment_is_left_out_with_a_note() {
     let folder = tempfile::tempdir().unwrap();

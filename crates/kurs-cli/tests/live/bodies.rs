@@ -10,8 +10,8 @@ use super::stage::{
     Messages, Partner, Receivers, Service, configuration, free_port, number, simulate, wait_for,
 };
 
-/// Two bodies under one sky, each with three antennas, on one band: of several the engine takes half of the noise to be common
-/// to them, as under real skies, and the simulated one is not.
+/// Two bodies under one sky, each with three antennas, on one band: of several the engine takes
+/// half of the noise to be common to them, as under real skies, and the simulated one is not.
 const TWO_BODIES: &str = r#"
 seed = 9
 start = "2024-03-10T12:00:00"
@@ -77,8 +77,8 @@ fn normalised_square(value: &serde_json::Value, truth_deg: [f64; 3]) -> f64 {
     (covariance.try_inverse().unwrap() * error).dot(&error)
 }
 
-/// Two services, each of which sees the other as it is; one is killed and comes back. In between the other says
-/// that it is silent.
+/// Two services, each of which sees the other as it is; one is killed and comes back. In between
+/// the other says that it is silent.
 #[test]
 fn two_bodies_see_each_other_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
@@ -170,8 +170,8 @@ fn two_bodies_see_each_other_as_they_are() {
     drop((first, second));
 }
 
-/// A body that publishes its rows at a broker and is its own peer there, beside a foreign reader; the broker is killed and
-/// comes back.
+/// A body that publishes its rows at a broker and is its own peer there, beside a foreign reader;
+/// the broker is killed and comes back.
 #[test]
 #[cfg(feature = "mqtt")]
 fn a_broker_passes_attitudes_on() {

@@ -71,7 +71,8 @@ fn a_refused_password_is_final_and_named() {
     assert_eq!(rows(&folder.path().join("live"))[0].lines().count(), EPOCHS + 1);
 }
 
-/// A mount point that has worked is absent for a moment, and the caster answers with its table: it is asked again.
+/// A mount point that has worked is absent for a moment, and the caster answers with its table: it
+/// is asked again.
 #[test]
 fn a_mount_point_that_was_there_is_asked_for_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -139,7 +140,7 @@ fn a_caster_that_stalls_is_asked_again() {
     assert!(rows(&out)[0].contains(",fixed,"));
 }
 
-/// A caster with a certificate of its own, which the system is told to trust; another one is refused.
+/// A caster with its own certificate, which the system is told to trust; another one is refused.
 #[test]
 fn a_caster_over_tls_must_show_a_certificate_that_is_trusted() {
     let folder = tempfile::tempdir().unwrap();

@@ -70,8 +70,8 @@ fn logs_with_a_station_give_the_rows_of_solve() {
     assert_same(&rows(&out), &wanted, "with a station");
 }
 
-/// The station says where it is: coordinates are relative to it, as with the place in the configuration. One that is 50 m
-/// away from what it says is not believed, and told.
+/// The station says where it is: coordinates are relative to it, as with the place in the
+/// configuration. One that is 50 m away from what it says is not believed, and told.
 #[test]
 fn a_station_is_where_its_stream_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,8 +123,9 @@ fn tcp_gives_the_rows_of_solve() {
     }
 }
 
-/// Simulated logs as services get them, paced ten times faster than they were measured, and what `kurs solve` makes
-/// of them: the same. Returns the rows and the lines that an output of profile `marine` sent.
+/// Simulated logs as services get them, paced ten times faster than they were measured, and what
+/// `kurs solve` makes of them: the same. Returns the rows and the lines that an output of profile
+/// `marine` sent.
 fn paced_like_solved(scenario: &str, day: &str, format: &str) -> ([String; 2], Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     simulate(folder.path(), scenario);
@@ -155,7 +156,8 @@ fn paced_like_solved(scenario: &str, day: &str, format: &str) -> ([String; 2], V
     (solved, reading.join().unwrap())
 }
 
-/// One receiver's tags are a millisecond before the whole tenths of a second, those of the other one on them.
+/// One receiver's tags are a millisecond before the whole tenths of a second, those of the other
+/// one on them.
 #[test]
 fn tags_a_millisecond_off_are_those_of_one_epoch() {
     for format in ["ubx", "rtcm3", "sbf"] {
@@ -174,8 +176,8 @@ fn tags_a_millisecond_off_are_those_of_one_epoch() {
     }
 }
 
-/// Across the end of 2016, when GPST − UTC went from 17 s to 18 s: in what the receivers send (UBX says the
-/// difference, GLONASS counts in UTC), and in the UTC that leaves.
+/// Across the end of 2016, when GPST − UTC went from 17 s to 18 s: in what the receivers send (UBX
+/// says the difference, GLONASS counts in UTC), and in the UTC that leaves.
 #[test]
 fn a_leap_second_passes() {
     let across = SCENARIO
@@ -267,8 +269,8 @@ fn one_stream_may_carry_several_antennas() {
     assert_same(&rows(&out), &wanted, "two antennas of one stream");
 }
 
-/// A station once a second, a second and a half late, beside antennas five times a second: the coordinates are
-/// relative to it all the same, and without it the attitude is what it was.
+/// A station once a second, a second and a half late, beside antennas five times a second: the
+/// coordinates are relative to it all the same, and without it the attitude is what it was.
 #[test]
 fn a_late_station_serves_every_row() {
     let folder = tempfile::tempdir().unwrap();

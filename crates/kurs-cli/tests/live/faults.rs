@@ -1,4 +1,4 @@
-//! What befalls streams, disks and the service itself: rows go on, and nothing wrong leaves as fixed.
+//! Faults of streams, disks and the service itself: rows go on, and no wrong one leaves as fixed.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -24,8 +24,9 @@ fn nav_status(spoofing: u8) -> Vec<u8> {
     kurs_formats::ubx::frame([0x01, 0x03], &payload)
 }
 
-/// A receiver that states spoofing before the 51st epoch and takes it back before the 71st: the rows between are refused, by
-/// `solve` and `live` alike, and by neither if the flags are not to be used.
+/// A receiver that states spoofing before the 51st epoch and takes it back before the 71st: the
+/// rows between are refused, by `solve` and `live` alike, and by neither if the flags are not to be
+/// used.
 #[test]
 fn stated_spoofing_refuses_rows() {
     let folder = tempfile::tempdir().unwrap();
@@ -75,8 +76,8 @@ fn pieces(log: &[u8]) -> Vec<Vec<u8>> {
     starts.windows(2).map(|pair| log[pair[0]..pair[1]].to_vec()).collect()
 }
 
-/// Every tenth epoch has phases to which no integers fit: the search takes what the budget of an epoch allows, the row
-/// says so, and neither it nor the one behind it is late.
+/// Every tenth epoch has phases to which no integers fit: the search takes what the budget of an
+/// epoch allows, the row says so, and neither it nor the one behind it is late.
 #[test]
 fn an_epoch_whose_search_is_hard_delays_no_other() {
     const EVERY: usize = 10;
@@ -143,8 +144,9 @@ fn an_epoch_whose_search_is_hard_delays_no_other() {
     assert!(messages.like(0, is_at_its_end) > 0, "no search took the whole budget");
 }
 
-/// Killed with the first rows, and again in the midst of a row, and started again: fixed again with the first
-/// epoch, though the receivers say their ephemerides but once; in the same file, whose half row is gone.
+/// Killed with the first rows, and again in the midst of a row, and started again: fixed again with
+/// the first epoch, though the receivers say their ephemerides but once; in the same file, whose
+/// half row is gone.
 #[test]
 fn a_killed_service_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,7 +180,8 @@ fn a_killed_service_goes_on_where_it_was() {
     assert_goes_on(&rows_so_far(&out), killed);
 }
 
-/// Rows in order, of which those from number `killed` on are fixed as soon as both antennas have an epoch.
+/// Rows in order, of which those from number `killed` on are fixed as soon as both antennas have an
+/// epoch.
 fn assert_goes_on(all: &[Row], killed: usize) {
     assert!(all.windows(2).all(|pair| pair[0].time < pair[1].time), "{all:?}");
     let (whole, of_one): (Vec<_>, Vec<_>) =
@@ -188,8 +191,8 @@ fn assert_goes_on(all: &[Row], killed: usize) {
     assert!(of_one.len() <= 1, "{of_one:?}");
 }
 
-/// The cable of one antenna is cut in mid-message and put back: rows go on without it, then with it,
-/// and nothing is wrong. Two hundred clients that never read disturb nobody.
+/// The cable of one antenna is cut in mid-message and put back: rows go on without it, then with
+/// it, and nothing is wrong. Two hundred clients that never read disturb nobody.
 #[test]
 fn a_cut_cable_and_clients_that_do_not_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -248,8 +251,9 @@ fn a_cut_cable_and_clients_that_do_not_read() {
     drop(joint);
 }
 
-/// Three antennas whose clocks step by milliseconds, and one thing after the other on their lines: in the
-/// meantime nothing wrong leaves, afterwards all three are in fixed rows again, and nothing needs a hand.
+/// Three antennas whose clocks step by milliseconds, and one thing after the other on their lines:
+/// in the meantime nothing wrong leaves, afterwards all three are in fixed rows again, and nothing
+/// needs a hand.
 #[test]
 fn nothing_wrong_leaves_whatever_the_streams_do() {
     let folder = tempfile::tempdir().unwrap();
@@ -347,7 +351,8 @@ fn what_is_older_than_300_ms_does_not_leave() {
     messages.check(40.0);
 }
 
-/// One antenna is always half a second late where rows wait a tenth: it is named, by how much, until it comes in time.
+/// One antenna is always half a second late where rows wait a tenth: it is named, by how much,
+/// until it comes in time.
 #[test]
 fn an_antenna_that_is_always_late_is_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -370,8 +375,8 @@ fn an_antenna_that_is_always_late_is_named() {
     wait_for("good health", is_well);
 }
 
-/// The disk takes no more than forty kilobytes of any file for a while: messages leave all the same, and
-/// when there is room again the files go on with whole rows.
+/// The disk takes no more than forty kilobytes of any file for a while: messages leave all the
+/// same, and when there is room again the files go on with whole rows.
 #[test]
 fn a_full_disk_costs_rows_of_the_files_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();

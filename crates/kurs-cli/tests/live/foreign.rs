@@ -70,8 +70,8 @@ GNSSNTRIPClient().run(server="127.0.0.1", port=CASTER, mountpoint="pygnssutils",
 time.sleep(60)
 "#;
 
-/// The casters of pygnssutils (PyPI), one for each antenna, with a password; the stream of the second one
-/// comes through its client.
+/// The casters of pygnssutils (PyPI), one for each antenna, with a password; the stream of the
+/// second one comes through its client.
 #[test]
 fn casters_and_client_of_pygnssutils_feed_it() {
     let folder = tempfile::tempdir().unwrap();

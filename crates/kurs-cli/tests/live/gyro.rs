@@ -113,8 +113,8 @@ fn assert_carried(live: &str, fused: &str, what: &str) {
     assert!(fused.contains(",float,predicted,") && fused.contains(",fixed,"), "{what}");
 }
 
-/// Antennas and sensor through TCP in pieces of any size, none of them at the pace of the others; the sensor
-/// from a log; and rows between the epochs.
+/// Antennas and sensor through TCP in pieces of any size, none of them at the pace of the others;
+/// the sensor from a log; and rows between the epochs.
 #[test]
 fn a_gyro_beside_the_antennas_gives_the_rows_of_fuse() {
     for (is_log, interval_s) in [(false, None), (false, Some(0.1)), (true, None)] {
@@ -146,7 +146,8 @@ fn a_gyro_beside_the_antennas_gives_the_rows_of_fuse() {
     }
 }
 
-/// Lines of a sensor at a port, as `time_s` of a body at rest on the roof: level but for its pitch of 3°.
+/// Lines of a sensor at a port, as `time_s` of a body at rest on the roof: level but for its pitch
+/// of 3°.
 struct Gyro {
     port: u16,
     /// Added to its times, in place of which nothing comes while it is no number.
@@ -182,8 +183,8 @@ impl Gyro {
     }
 }
 
-/// A gyro that says nothing, whose time goes back, that is late, then there again: the antennas' rows go on, what
-/// is wrong is named. Carried rows leave the output that asks for them alone.
+/// A gyro that says nothing, whose time goes back, that is late, then there again: the antennas'
+/// rows go on, what is wrong is named. Carried rows leave the output that asks for them alone.
 #[test]
 fn a_gyro_never_stops_the_rows_of_the_antennas() {
     let folder = tempfile::tempdir().unwrap();

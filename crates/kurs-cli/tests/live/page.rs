@@ -78,8 +78,8 @@ fn request(port: u16, line: &str, headers: &str, body: &str) -> String {
     String::from_utf8_lossy(&text).split(' ').nth(1).unwrap_or("closed").to_owned()
 }
 
-/// Two hundred pages, and clients that never read, beside one output: what the pages show is what leaves there, row by row.
-/// Only the token changes anything.
+/// Two hundred pages, and clients that never read, beside one output: what the pages show is what
+/// leaves there, row by row. Only the token changes anything.
 #[test]
 fn pages_show_the_stream_and_change_nothing_without_the_token() {
     const TOKEN: &str = "0123456789abcdef";

@@ -1,4 +1,5 @@
-//! A service from its configuration to its end: what is wrong in it, what it explains, what it serves, how it is told anew.
+//! A service from its configuration to its end: what is wrong in it, what it explains, what it
+//! serves, how it is told anew.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -11,8 +12,8 @@ use super::stage::{
     wait_for,
 };
 
-/// The logs at the pace at which they were recorded, four times faster, with JSON lines and sentences
-/// to clients, metrics and health, and a clean stop.
+/// The logs at the pace at which they were recorded, four times faster, with JSON lines and
+/// sentences to clients, metrics and health, and a clean stop.
 #[test]
 fn a_paced_log_is_a_service_like_any_other() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +126,8 @@ fn what_is_wrong_in_a_configuration_is_named() {
     }
 }
 
-/// Numbers are those of the array in the axes of the reader; an array that does not suit is refused, by the service too.
+/// Numbers are those of the array in the axes of the reader; an array that does not suit is
+/// refused, by the service too.
 #[test]
 fn what_to_set_at_a_reader_is_explained() {
     let folder = tempfile::tempdir().unwrap();

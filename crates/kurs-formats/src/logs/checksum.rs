@@ -72,8 +72,8 @@ impl Division {
 mod tests {
     use super::*;
 
-    /// Check values of the string "123456789" (catalogue of parametrised CRC algorithms: CRC-24/LTE-A
-    /// with this polynomial and zero start, CRC-16/XMODEM).
+    /// Check values of the string "123456789" (catalogue of parametrised CRC algorithms:
+    /// CRC-24/LTE-A with this polynomial and zero start, CRC-16/XMODEM).
     #[test]
     fn check_values() {
         assert_eq!(crc24q(b"123456789"), [0xcd, 0xe7, 0x03]);

@@ -1,5 +1,5 @@
-//! Which of several sources of observations in one log is wanted: a station of RTCM 3, an antenna of
-//! SBF.
+//! Which of several sources of observations in one log is wanted: a station of RTCM 3, an antenna
+//! of SBF.
 
 use std::collections::BTreeSet;
 

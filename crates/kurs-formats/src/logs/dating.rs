@@ -1,8 +1,8 @@
 //! The week in which a log of RTCM 3 messages begins.
 //!
-//! Observations tell the time of the week only. Every ephemeris with a week of its own says how many
-//! weeks the log is away from where its clock began here, and the majority counts: a receiver may
-//! send an ephemeris that it has kept for years.
+//! Observations tell the time of the week only. Every ephemeris with a week of its own says how
+//! many weeks the log is away from where its clock began here, and the majority counts: a receiver
+//! may send an ephemeris that it has kept for years.
 
 use std::collections::BTreeMap;
 
@@ -33,7 +33,7 @@ enum Told {
     TenBits,
 }
 
-/// What a log tells of its date.
+/// What is known of a log's date.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Begin {
     /// The first observation whose message has a time of the week; of the first one of any where
@@ -141,8 +141,8 @@ impl Dating {
         self.is_weekly && most >= ENOUGH && total - most < most / 2
     }
 
-    /// Where the log begins (without observations some days around it); `None` if nothing in it tells
-    /// the week.
+    /// Where the log begins (without observations some days around it); `None` if nothing in it
+    /// tells the week.
     pub(crate) fn begin(mut self) -> Option<Begin> {
         core::mem::take(&mut self.waiting).into_iter().for_each(|(told, how)| self.vote(told, how));
         let first = self.clock.map_or(self.near, |(first, _)| first);
@@ -157,8 +157,8 @@ impl Dating {
         Some(Begin { time, is_weekly: self.is_weekly })
     }
 
-    /// How many say that the clock must be put ahead by so many weeks. Ten bits support every whole
-    /// week that ends with them, and stand for themselves where there is none.
+    /// Votes for putting the clock ahead, by the number of weeks. Ten bits support every whole week
+    /// that ends with them, and stand for themselves where there is none.
     fn voices(&self) -> impl Iterator<Item = (u32, i64)> {
         let supported = |weeks: i64| {
             let same = |(other, _): &(&i64, &u32)| (weeks - **other).rem_euclid(TEN_BITS) == 0;

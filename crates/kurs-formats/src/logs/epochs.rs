@@ -34,7 +34,7 @@ pub(super) struct LogEpochs {
     pub(super) source: Source,
     scanner: FrameScanner,
     pub(super) protocol: Protocol,
-    /// The protocol was chosen by name: observations of others are none of ours.
+    /// The protocol was chosen by name: observations of others do not concern us.
     is_chosen: bool,
     /// RTCM 3: of stations; SBF: of antennas.
     choice: Choice,
@@ -48,7 +48,7 @@ pub(super) struct LogEpochs {
     interference: Statements,
     /// Where a station says that its antenna is.
     pub(super) place: Option<Vector<Ecef>>,
-    /// Of a log that is read as received: navigation data.
+    /// Navigation data, where the log is read as received.
     news: Option<News>,
     /// The week that ephemerides tell, where it is not the one in force.
     pub(super) told_date: Option<GpsTime>,

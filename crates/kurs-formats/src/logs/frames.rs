@@ -2,7 +2,7 @@
 //!
 //! Receivers write several protocols into one stream: u-blox ones RTCM 3 and NMEA between their own
 //! messages, Septentrio ones replies in plain text. Every binary protocol is recognised wherever it
-//! begins; text is passed over; whatever else is no whole message is damage, and reading goes on at
+//! begins; text is passed over; anything else but a whole message is damage, and reading goes on at
 //! the next byte that begins one.
 //!
 //! The framing is our own because the damage list wants byte offsets, and because one scan has to

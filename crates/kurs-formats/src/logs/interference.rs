@@ -1,10 +1,12 @@
 //! What receivers state about foreign signals: UBX MON-RF, SEC-SIG and NAV-STATUS, SBF RFStatus.
 //!
-//! Sources: u-blox F9 HPG 1.32 interface description, UBX-22008968, 3.14.10 (MON-RF), 3.15.13 (NAV-STATUS); F9 HPG
-//! L1L5 1.40, UBX-23006991 (SEC-SIG, both versions); Septentrio mosaic-X5 reference guide, firmware 4.14 (RFStatus).
-//! The layouts were laid against those of pyubx2 1.4.0 and pysbf2 1.0.7.
+//! Sources: u-blox F9 HPG 1.32 interface description, UBX-22008968, 3.14.10 (MON-RF), 3.15.13
+//! (NAV-STATUS); F9 HPG L1L5 1.40, UBX-23006991 (SEC-SIG, both versions); Septentrio mosaic-X5
+//! reference guide, firmware 4.14 (RFStatus). The layouts were laid against those of pyubx2 1.4.0
+//! and pysbf2 1.0.7.
 //!
-//! A statement belongs to the epochs behind it in the stream, until the next one of its kind or until it is old.
+//! A statement belongs to the epochs behind it in the stream, until the next one of its kind or
+//! until it is old.
 
 use kurs::observation::interference::{Interference, Jamming, Spoofing};
 use kurs::time::GpsTime;
@@ -31,7 +33,8 @@ const FULL_GAIN: f64 = 8191.0;
 pub(super) struct Statements([Option<(Interference, Option<GpsTime>)>; KINDS]);
 
 impl Statements {
-    /// Takes a message, if it is one of these; `antenna` is that of the stream, where several are in it.
+    /// Takes a message, if it is one of these; `antenna` is that of the stream, where several are
+    /// in it.
     pub(super) fn take(&mut self, frame: &Frame<'_>, antenna: Option<u16>, damage: &mut DamageLog) {
         let (kind, name, stated) = match frame.protocol {
             Protocol::Ubx => {

@@ -62,8 +62,8 @@ enum Continuity {
 }
 
 impl LockTimes {
-    /// The loss-of-lock digit of a signal's phase, zero without a phase; `None` if the signal was in
-    /// this epoch before. `half_cycle`: the phase may be off by half a cycle.
+    /// The loss-of-lock digit of a signal's phase, zero without a phase; `None` if the signal was
+    /// in this epoch before. `half_cycle`: the phase may be off by half a cycle.
     pub(crate) fn digit(&mut self, now: &Tracked, half_cycle: bool) -> Option<Lock> {
         let slip = match self.update(now) {
             Continuity::Repeated => return None,
@@ -74,9 +74,10 @@ impl LockTimes {
         Some(Lock(if now.has_phase { slip | half } else { 0 }))
     }
 
-    /// Compares with the last epoch of this signal. The phase slipped if the lock is of no duration,
-    /// certainly shorter than before, or certainly shorter than the time in between. A slip stays
-    /// until the signal has a phase. Nothing is said of a phase where the lock time is missing.
+    /// Compares with the last epoch of this signal. The phase slipped if the lock is of no
+    /// duration, certainly shorter than before, or certainly shorter than the time in between. A
+    /// slip stays until the signal has a phase. Without a lock time a phase counts as
+    /// continuous.
     fn update(&mut self, now: &Tracked) -> Continuity {
         let Tracked { time, half_cycle_added, .. } = *now;
         let last = self.last.entry((now.satellite, now.signal)).or_insert(Last {

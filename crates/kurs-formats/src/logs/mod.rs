@@ -1,7 +1,7 @@
 //! Receiver logs: files of binary messages as receivers send them.
 //!
-//! [`LogReader`] gives the observations of one antenna, epoch by epoch; [`crate::navigation`] takes the
-//! ephemerides of a whole log. Damage is listed with its byte offset.
+//! [`LogReader`] gives the observations of one antenna, epoch by epoch; [`crate::navigation`] takes
+//! the ephemerides of a whole log. Damage is listed with its byte offset.
 
 mod census;
 pub(crate) mod checksum;

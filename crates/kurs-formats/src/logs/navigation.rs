@@ -44,8 +44,8 @@ impl MessageReader {
         }
     }
 
-    /// Puts what a message tells of ionosphere and time into `data`, and gives the ephemeris that it
-    /// completes.
+    /// Puts the ionosphere and time parameters of a message into `data`, and gives the ephemeris
+    /// that it completes.
     pub(super) fn take(&mut self, frame: &Frame<'_>, data: &mut NavigationData) -> Taken {
         self.date(frame);
         let body = frame.body;

@@ -11,10 +11,10 @@ use super::navigation::MessageReader;
 use crate::damage::DamageLog;
 use crate::rtcm;
 
-/// An ephemeris is in use within a few hours of its reference time, so one half a week away tells that
-/// the week is wrong.
+/// An ephemeris is in use within a few hours of its reference time, so one half a week away tells
+/// that the week is wrong.
 const HALF_WEEK_S: f64 = 302_400.0;
-/// So many in a row, because a caster may repeat an old one.
+/// Contradictions in a row that count: a caster may repeat an old message.
 const CONTRADICTIONS: u32 = 3;
 
 /// Takes navigation data out of the messages of a log, one after the other.
@@ -46,8 +46,8 @@ impl News {
         self.near = time;
     }
 
-    /// Takes what a message tells. `Some` is another week than the one in force, if several ephemerides
-    /// in a row of RTCM 3 agree on it.
+    /// Takes what a message tells. `Some` is another week than the one in force, if several
+    /// ephemerides in a row of RTCM 3 agree on it.
     pub(super) fn gather(&mut self, frame: &Frame<'_>, damage: &mut DamageLog) -> Option<GpsTime> {
         let mut data = NavigationData::default();
         let taken = match frame.protocol {

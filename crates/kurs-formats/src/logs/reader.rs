@@ -32,13 +32,13 @@ pub struct LogOptions {
     pub antenna: Option<AntennaId>,
     /// RTCM 3: a time within three days of the log, whatever its messages say.
     pub approximate_time: Option<GpsTime>,
-    /// RTCM 3: a time within three days of the log as other files tell it; it counts where no message
-    /// in the log tells the week.
+    /// RTCM 3: a time within three days of the log as other files tell it; it counts where no
+    /// message in the log tells the week.
     pub navigation_time: Option<GpsTime>,
     /// RTCM 3: where nothing tells the week, any will do ([`LogReader::is_dated`] says so).
     pub any_week: bool,
-    /// The log is read as a live stream is: every epoch brings the navigation data that came before it
-    /// ([`LogReader::take_news`]), and nothing waits for what comes behind if it need not.
+    /// The log is read as a live stream is: every epoch brings the navigation data that came before
+    /// it ([`LogReader::take_news`]), and nothing waits for what comes behind if it need not.
     pub as_received: bool,
 }
 
@@ -58,8 +58,8 @@ impl LogOptions {
 
 /// Observations of one antenna from a receiver log.
 ///
-/// Epochs come out with increasing times: one that is not later than the epoch before is skipped; one
-/// that jumps far ahead is skipped if the next one is earlier.
+/// Epochs come out with increasing times: one that is not later than the epoch before is skipped;
+/// one that jumps far ahead is skipped if the next one is earlier.
 #[derive(Debug)]
 pub struct LogReader {
     epochs: Ordered<LogEpochs>,
@@ -71,8 +71,8 @@ impl LogReader {
     ///
     /// # Errors
     ///
-    /// [`ReadError::WrongContent`] if it is an RTCM 3 log whose date is not known, or if a station or
-    /// antenna is chosen and the protocol has none.
+    /// [`ReadError::WrongContent`] if it is an RTCM 3 log whose date is not known, or if a station
+    /// or antenna is chosen and the protocol has none.
     pub(crate) fn new(
         source: Source,
         found: Protocol,
@@ -112,8 +112,9 @@ impl LogReader {
     ///
     /// # Errors
     ///
-    /// [`ReadError`] if the stream breaks off or ends without any observation, or if a station or an
-    /// antenna is chosen and the protocol has none, or if `approximate_time` is needed and not given.
+    /// [`ReadError`] if the stream breaks off or ends without any observation, or if a station or
+    /// an antenna is chosen and the protocol has none, or if `approximate_time` is needed and not
+    /// given.
     pub fn of_stream(mut source: Source, options: &LogOptions) -> Result<Self, ReadError> {
         const OBSERVATIONS: &str = "messages with observations: RXM-RAWX (UBX), MSM 4 to 7 or 1004 and \
             1012 (RTCM 3) or MeasEpoch (SBF)";
@@ -160,8 +161,8 @@ impl LogReader {
         self.epochs.place
     }
 
-    /// RTCM 3, as received: the date that ephemerides tell, where it ended the reading because the week
-    /// in force is another one.
+    /// RTCM 3, as received: the date that ephemerides tell, where it ended the reading because the
+    /// week in force is another one.
     #[must_use]
     pub const fn told_date(&self) -> Option<GpsTime> {
         self.epochs.raw.told_date
@@ -234,8 +235,8 @@ impl LogReader {
     }
 }
 
-/// Where an RTCM 3 log begins: by the key, its own ephemerides, other files, its name. Disagreements
-/// are noted.
+/// Where an RTCM 3 log begins: by the key, its own ephemerides, other files, its name.
+/// Disagreements are noted.
 fn begin(name: &str, options: &LogOptions, start: Start, damage: &mut DamageLog) -> Option<Begin> {
     let dating = start.dating;
     let others = [

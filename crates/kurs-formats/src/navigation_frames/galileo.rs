@@ -120,8 +120,8 @@ fn write_time(f: &mut impl Fields, m: &mut KeplerMessage, number: u64, leap_seco
     }
 }
 
-/// Parts of the health word of RINEX, each of some bits from a bit on: signal health and validity of
-/// E1-B (bits 1 and 0), E5a (4, 3) and E5b (7, 6).
+/// Parts of the health word of RINEX, each of some bits from a bit on: signal health and validity
+/// of E1-B (bits 1 and 0), E5a (4, 3) and E5b (7, 6).
 pub(crate) fn health(f: &mut impl Fields, m: &mut KeplerMessage, parts: &[(u32, u32)]) {
     for (width, from) in parts {
         let ones = (1 << width) - 1;
@@ -141,7 +141,7 @@ pub(crate) fn read_fnav(satellite: Satellite, pages: [&FnavPage; 4]) -> Option<K
     issues.iter().all(|issue| *issue == issues[0]).then_some(message)
 }
 
-/// The pages 1 to 4 of a message with their checksums, 244 bits each; `None` if a value does not fit.
+/// Pages 1 to 4 of a message with their checksums, 244 bits each; `None` if a value does not fit.
 pub(crate) fn write_fnav(message: &KeplerMessage) -> Option<[[u8; 31]; 4]> {
     let mut message = message.clone();
     let mut pages = [[0; 31]; 4];

@@ -186,8 +186,8 @@ fn moscow(gpst: GpsTime) -> GpsTime {
     gpst + (MOSCOW_S - f64::from(gpst.leap_seconds()))
 }
 
-/// The instant next to `near` at which it is `of_day_s` in Moscow, on the other side of a leap second
-/// too.
+/// The instant next to `near` at which it is `of_day_s` in Moscow, on the other side of a leap
+/// second too.
 fn next_to(near: GpsTime, of_day_s: f64) -> GpsTime {
     let ahead_s = of_day_s - moscow(near).tow_s() % DAY_S;
     let by_leap_of_near = near + (ahead_s - DAY_S * (ahead_s / DAY_S).round());
@@ -275,8 +275,8 @@ fn bit(string: &GlonassString, number: usize) -> bool {
 }
 
 /// The eight check bits of table 4.13. They are those of a Hamming code: the data bits 9 to 85 have
-/// the positions 3, 5, 6, 7, 9, …, which are no powers of two; each of the first seven check bits is
-/// the parity of the positions with its power of two, and the eighth that of everything.
+/// the positions 3, 5, 6, 7, 9, …, which are not powers of two; each of the first seven check bits
+/// is the parity of the positions with its power of two, and the eighth that of everything.
 fn check_bits(string: &GlonassString) -> u8 {
     let positions = (3u8..).filter(|position| !position.is_power_of_two());
     let data = (9..=85).zip(positions).filter(|(number, _)| bit(string, *number));

@@ -169,8 +169,8 @@ fn with_even_end(data: u32, before: u32) -> u32 {
 }
 
 /// A subframe as words of 32 bits the way u-blox hands them out: the last two parity bits of the
-/// word before, 24 data bits, 6 parity bits; all inverted where the last parity bit before is one, so
-/// that the data bits are right.
+/// word before, 24 data bits, 6 parity bits; all inverted where the last parity bit before is one,
+/// so that the data bits are right.
 pub(crate) fn to_words(subframe: &Subframe) -> [u32; 10] {
     let mut before = 0;
     core::array::from_fn(|index| {

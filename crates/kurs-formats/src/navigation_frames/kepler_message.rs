@@ -44,9 +44,9 @@ pub(crate) struct KeplerMessage {
 #[derive(Debug, Clone, Copy)]
 struct Units {
     harmonic_bits: u32,
-    /// Of C_uc, C_us, C_ic, C_is: 2^…
+    /// The unit of C_uc, C_us, C_ic and C_is is 2 to this power.
     angle_exponent: i32,
-    /// Of C_rc and C_rs: 2^…
+    /// The unit of C_rc and C_rs is 2 to this power.
     radius_exponent: i32,
     time_bits: u32,
     time_s: f64,
@@ -305,8 +305,8 @@ pub(crate) const fn week_bits(system: System) -> u32 {
 
 /// Range accuracy of an index, m; negative where none is predicted.
 ///
-/// IS-GPS-200N 20.3.3.3.1.3 and BDS-SIS-ICD-B1I-3.0 5.2.4.5 (nominal values); Galileo OS SIS ICD 2.1,
-/// table 89.
+/// IS-GPS-200N 20.3.3.3.1.3 and BDS-SIS-ICD-B1I-3.0 5.2.4.5 (nominal values); Galileo OS SIS ICD
+/// 2.1, table 89.
 fn accuracy_m(system: System, index: u64) -> f64 {
     const NONE_M: f64 = -1.0;
     let n = index as f64;

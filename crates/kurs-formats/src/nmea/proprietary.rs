@@ -1,4 +1,4 @@
-//! Sentences of makers, which carry what the standard's have no field for: tilts, deviations, velocities.
+//! Sentences of makers, for what the standard has no field: tilts, deviations, velocities.
 
 use kurs::solution::{PositionOrigin, Status};
 use kurs::time::Calendar;
@@ -68,7 +68,7 @@ impl Epoch<'_> {
         )
     }
 
-    /// Position, heading, tilts and velocity in one (Unicore); `None` without a position or a heading.
+    /// Position, heading, tilts and velocity in one (Unicore); `None` without position or heading.
     pub(super) fn ksxt(&self) -> Option<String> {
         const FIXED: u8 = 3;
         let (heading, position) = (self.degrees(0)?, self.row.position.as_ref()?);
@@ -100,8 +100,8 @@ impl Epoch<'_> {
         ))
     }
 
-    /// Position, speed, heading, roll, pitch and rate of turn in one, as AgOpenGPS reads them; it takes an
-    /// empty field for zero, so `None` without a position, heading or roll.
+    /// Position, speed, heading, roll, pitch and rate of turn in one, as AgOpenGPS reads them; it
+    /// takes an empty field for zero, so `None` without a position, heading or roll.
     pub(super) fn paogi(&self) -> Option<String> {
         let (heading, roll) = (self.degrees(0)?, self.degrees(2)?);
         let position = self.row.position.as_ref()?;

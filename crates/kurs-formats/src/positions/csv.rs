@@ -51,8 +51,8 @@ const FIELDS_MAX: usize = 64;
 /// Other names that are told; a column of numbers must not fill the memory.
 const OTHERS_MAX: usize = 100;
 
-/// Reads the rows of `antennas`; returns the other names in the table (a hundred at most) with their
-/// numbers of rows.
+/// Reads the rows of `antennas`; returns the other names in the table (a hundred at most) with
+/// their numbers of rows.
 ///
 /// Rows that cannot be used are noted in `damage`, the rest is read.
 ///
@@ -211,8 +211,8 @@ impl Columns {
         Ok(Some(sd))
     }
 
-    /// The kind of solution, by the words of Kurs; `None` for rows that say themselves that they have
-    /// none.
+    /// The kind of solution, by the words of Kurs; `None` for rows that say themselves that they
+    /// have none.
     fn quality(&self, fields: &[&[u8]]) -> Result<Option<Quality>, String> {
         let word = self.status.map_or(Ok(""), |column| text(fields[column]))?;
         match word {
@@ -225,7 +225,7 @@ impl Columns {
     }
 }
 
-/// `2024-05-01T12:00:00.5` with a blank for `T`, and `Z`, `+02:00`, `-0300` or nothing for the zone.
+/// `2024-05-01T12:00:00.5`, or a blank for `T`; the zone is `Z`, `+02:00`, `-0300` or left out.
 fn parse_utc(word: &str) -> Option<GpsTime> {
     let word = word.strip_suffix(['Z', 'z']).or(word.strip_suffix(" UTC")).unwrap_or(word);
     // A sign behind the date begins the zone.

@@ -22,7 +22,7 @@ pub struct PositionFix {
     pub sd_ned_m: Option<[f64; 3]>,
     /// What kind of solution it is, by the receiver's own word.
     pub quality: Quality,
-    /// Whether the height is above the geoid, because nothing tells how far that is from the ellipsoid.
+    /// Whether the height is above the geoid, whose distance from the ellipsoid is not known.
     pub is_above_geoid: bool,
 }
 
@@ -42,9 +42,9 @@ pub enum Quality {
 }
 
 impl Quality {
-    /// How many times less certain than the best kind: centimetres, decimetres for a float solution,
-    /// then code with and without corrections. Nothing said counts as the best: its standard deviations
-    /// are the user's.
+    /// How many times less certain than the best kind: centimetres, decimetres for a float
+    /// solution, then code with and without corrections. Nothing said counts as the best: its
+    /// standard deviations are the user's.
     #[must_use]
     pub const fn sd_factor(self) -> f64 {
         match self {

@@ -6,8 +6,8 @@
 //! without any are accepted. GGA and GNS give a time of day; `dates` finds the day. Where GST is
 //! missing, the quality that they state tells kinds of solutions apart.
 //!
-//! Heights above the ellipsoid are altitude plus separation of the geoid. Where a sentence leaves the
-//! separation out it is that of the nearest sentence before, or of the first that has one.
+//! Heights above the ellipsoid are altitude plus separation of the geoid. Where a sentence leaves
+//! the separation out it is that of the nearest sentence before, or of the first that has one.
 
 mod dates;
 mod sentence;

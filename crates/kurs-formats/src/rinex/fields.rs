@@ -7,7 +7,7 @@ const POWERS_OF_TEN: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
-/// So many digits are exact as `f64`.
+/// Decimal digits that an `f64` holds exactly.
 const EXACT_DIGITS: usize = 15;
 
 /// The part of `columns` (counted from 0) that the line has.
@@ -106,8 +106,9 @@ pub(crate) fn exponential(field: &[u8]) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// A number of few digits and a small exponent, as nearly all are (`-0.123456789012D-08`): its digits as an integer and
-/// the power of ten are exact, so the product or quotient rounds once. `None` for anything else.
+/// A number of few digits and a small exponent, as nearly all are (`-0.123456789012D-08`): its
+/// digits as an integer and the power of ten are exact, so the product or quotient rounds once.
+/// `None` for anything else.
 fn short_exponential(text: &[u8]) -> Option<f64> {
     let (mut mantissa, mut count, mut decimals) = (0_u64, 0, None);
     let negative = text[0] == b'-';
@@ -194,11 +195,11 @@ fn zeros_before(count: usize, characters: u64) -> u64 {
     (characters & kept) | (ZEROS & !kept)
 }
 
-/// The number that eight digits make, the first character in the lowest byte: neighbours join to numbers of two, four
-/// and eight digits.
+/// The number that eight digits make, the first character in the lowest byte: neighbours join to
+/// numbers of two, four and eight digits.
 fn eight_digits(characters: u64) -> Result<i64, Damaged> {
     let digits = characters ^ ZEROS;
-    // Of a digit the upper half of the byte is zero, also after six are added.
+    // The upper half of a digit's byte is zero, also after six are added.
     if (digits | ((digits & !HIGH_BITS) + SIXES)) & UPPER_HALVES != 0 {
         return Err(Damaged);
     }

@@ -1,9 +1,9 @@
 //! Compact RINEX 3 (CRINEX 3.0), written line by line: what goes in is the text of a RINEX 3
 //! observation file, what comes out its compact form.
 //!
-//! Numbers become third differences in time, texts the characters that changed. Source: Y. Hatanaka,
-//! A Compression Format and Tools for GNSS Observation Data, Bulletin of the Geographical Survey
-//! Institute 55 (2008) 21-30.
+//! Numbers become third differences in time, texts the characters that changed. Source: Y.
+//! Hatanaka, A Compression Format and Tools for GNSS Observation Data, Bulletin of the Geographical
+//! Survey Institute 55 (2008) 21-30.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -240,8 +240,8 @@ impl Arc {
     }
 }
 
-/// What turns `before` into `text`: a blank where a character stays, `&` where it becomes blank, also
-/// beyond the end of `before`.
+/// What turns `before` into `text`: a blank where a character stays, `&` where it becomes blank,
+/// also beyond the end of `before`.
 fn changes(before: &[u8], text: &[u8]) -> Vec<u8> {
     let change = |index: usize| match (before.get(index), text.get(index).unwrap_or(&b' ')) {
         (Some(old), new) if old == new => b' ',

@@ -98,7 +98,7 @@ fn write_glonass(output: &mut impl Write, e: &GlonassElements) -> io::Result<()>
         let line = [position_km[axis], velocity[axis], acceleration[axis], ends[axis]];
         write_numbers(output, &line)?;
     }
-    // Status flags, delay of L2 (0.999999999999 where unknown), accuracy index of 5 m, health flags.
+    // Status flags, delay of L2 (0.999999999999: unknown), accuracy index of 5 m, health flags.
     output.write_all(b"    ")?;
     write_numbers(output, &[0.0, e.l2_delay_s.unwrap_or(0.999_999_999_999), 4.0, 0.0])
 }

@@ -1,5 +1,5 @@
-//! How topics of ROS 2 travel over Zenoh, as its middleware `rmw_zenoh` has it: the key of a topic, what goes with every
-//! message, and the tokens by which other nodes know who publishes.
+//! How topics of ROS 2 travel over Zenoh, as its middleware `rmw_zenoh` has it: the key of a topic,
+//! what goes with every message, and the tokens by which other nodes know who publishes.
 
 use core::fmt;
 
@@ -10,7 +10,7 @@ pub struct Topic {
     pub name: &'static str,
     /// Such as `sensor_msgs/msg/Imu`.
     pub kind: &'static str,
-    /// Of the definition of the type (REP 2011): nodes whose definition is another one do not see the topic.
+    /// Hash of the type's definition (REP 2011): nodes with another one do not see the topic.
     pub type_hash: &'static str,
 }
 
@@ -37,7 +37,8 @@ impl Publisher {
         format!("{domain}{}/{}/{}", topic.name, topic.type_of_bus(), topic.type_hash)
     }
 
-    /// The tokens of its node and of itself, in a session of this name: they make the topic appear in lists.
+    /// The tokens of its node and of itself, in a session of this name: they make the topic appear
+    /// in lists.
     #[must_use]
     pub fn tokens(&self, session: impl fmt::Display) -> [String; 2] {
         /// The usual quality of service, of which the last ten messages are kept.

@@ -46,7 +46,7 @@ pub(crate) struct EpochBuilder {
     shortest_step_s: Option<f64>,
     /// Systems whose days were found wrong.
     wrong_days: Vec<System>,
-    /// Of a log that is read as received: whether an epoch ends before the next one begins.
+    /// Whether an epoch ends before the next one begins; only for a log that is read as received.
     prompt_end: Option<PromptEnd>,
 }
 

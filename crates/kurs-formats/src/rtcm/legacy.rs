@@ -1,8 +1,8 @@
 //! The observation messages before the multiple signal messages: 1002 and 1004 (GPS and SBAS), 1010
 //! and 1012 (GLONASS).
 //!
-//! Source: RTCM 10403.3, tables 3.5-1 to 3.5-4 and 3.5-9 to 3.5-12. (1001, 1003, 1009 and 1011 leave
-//! out the whole milliseconds of the ranges.)
+//! Source: RTCM 10403.3, tables 3.5-1 to 3.5-4 and 3.5-9 to 3.5-12. (1001, 1003, 1009 and 1011
+//! leave out the whole milliseconds of the ranges.)
 
 use std::collections::BTreeMap;
 

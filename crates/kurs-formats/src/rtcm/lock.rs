@@ -21,7 +21,7 @@ pub(super) fn of_seven_bits(indicator: u64) -> LockTime {
     lock_time(1000 * seconds(indicator), most_ms)
 }
 
-/// Of 24 indicators each the seconds grow twice as fast: i, 2 i − 24, 4 i − 120, …
+/// Seconds of an indicator; every 24 indicators they grow twice as fast: i, 2 i − 24, 4 i − 120, …
 fn seconds(indicator: u64) -> u64 {
     match indicator {
         SEVEN_BITS_MAX.. => 937,

@@ -1,11 +1,11 @@
-//! RTCM 3: observations as multiple signal messages (MSM 4 to 7) and the messages before them (1002,
-//! 1004, 1010, 1012), ephemerides, the place of a station.
+//! RTCM 3: observations as multiple signal messages (MSM 4 to 7) and the messages before them
+//! (1002, 1004, 1010, 1012), ephemerides, the place of a station.
 //!
 //! Source: RTCM standard 10403.3; numbers of data fields (DF…) are those of its table 3.4-1.
 //!
-//! The messages are decoded here and not by the crate `rtcm-rs`, which has a type of its own for each
-//! of the 28 multiple signal messages: one description of their fields does for all of them, in both
-//! directions.
+//! The messages are decoded here and not by the crate `rtcm-rs`, which has a type of its own for
+//! each of the 28 multiple signal messages: one description of their fields does for all of them,
+//! in both directions.
 
 pub(crate) mod clock;
 pub(crate) mod ephemeris;

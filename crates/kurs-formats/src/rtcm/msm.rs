@@ -145,7 +145,7 @@ pub(super) fn read(
     Some(())
 }
 
-/// Reads past the header and the mask of the cells; `None` if there are more than a message can have.
+/// Reads past the header and the mask of the cells; `None` if there are more than can be.
 fn read_masks(reader: &mut BitReader<'_>, header: &Header) -> Option<Masks> {
     let Header { system, .. } = *header;
     reader.take(64 + 9);

@@ -1,15 +1,15 @@
 //! Where an epoch of RTCM 3 ends: with the message that says that no other one follows (DF393), if
 //! the sender is found to set this bit as it should; else where a later epoch begins.
 //!
-//! Some programs do not set it. So a stream is trusted after an epoch in which the last message, and
-//! no other one, had it clear, and never again after a message that came behind the last one.
+//! Some programs do not set it. So a stream is trusted after an epoch in which the last message,
+//! and no other one, had it clear, and never again after a message that came behind the last one.
 
 /// What the bits of one stream have shown so far.
 #[derive(Debug, Default)]
 pub(crate) struct PromptEnd {
     trust: Trust,
-    /// Of the messages of the epoch so far: whether the last one says that more follow, and whether
-    /// all before it did.
+    /// Whether the last message of the epoch so far says that more follow, and whether all before
+    /// it did.
     more_follow: bool,
     is_consistent: bool,
 }

@@ -139,8 +139,8 @@ impl<W: Write> Rtcm3Writer<W> {
         self.output.write_all(&frame)
     }
 
-    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
-    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for
+    /// one of its values (a GLONASS reference time off the quarter hour) or does not exist.
     #[must_use]
     pub const fn left_out(&self) -> &BTreeSet<Satellite> {
         self.schedule.left_out()

@@ -1,4 +1,5 @@
-//! The frame of a block's content: number, revision, time stamp; fields, least significant byte first.
+//! The frame of a block's content: number, revision, time stamp; fields, least significant byte
+//! first.
 
 use kurs::time::GpsTime;
 
@@ -8,7 +9,8 @@ use crate::logs::checksum::crc16_ccitt;
 /// A block whose checksum is good.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Block<'a> {
-    /// Bits 0 to 12 of the ID; the revision in the others only tells of fields behind the known ones.
+    /// Bits 0 to 12 of the ID; the others are the revision, which only adds fields behind the
+    /// known.
     pub(crate) number: u16,
     time_stamp: Option<(u32, u16)>,
     /// Everything behind the time stamp.

@@ -1,7 +1,8 @@
 //! MeasEpoch: the observations of all antennas at one epoch.
 //!
-//! Source: reference guide, 4.2.1. A sub-block of type 1 has the first signal of a satellite in full;
-//! the sub-blocks of type 2 behind it have further signals of the satellite as differences to it.
+//! Source: reference guide, 4.2.1. A sub-block of type 1 has the first signal of a satellite in
+//! full; the sub-blocks of type 2 behind it have further signals of the satellite as differences to
+//! it.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +33,7 @@ pub(super) const EXTENDED: u8 = 31;
 pub(super) const EXTENDED_FROM: u8 = 32;
 /// What is added to a GLONASS channel.
 pub(super) const CHANNEL_OFFSET: i8 = 8;
-/// `ObsInfo`: the phase may be off by half a cycle. (Bit 0 tells of a smoothed pseudorange.)
+/// `ObsInfo`: the phase may be off by half a cycle. (Bit 0: the pseudorange is smoothed.)
 pub(super) const HALF_CYCLE: u8 = 1 << 2;
 
 /// Units of ranges and offsets, cycles, Doppler shifts, strengths.
@@ -235,7 +236,8 @@ impl Epoch<'_> {
         }
     }
 
-    /// Keeps the channel of a GLONASS satellite, which stands where others extend the signal number.
+    /// Keeps the channel of a GLONASS satellite, which stands where others extend the signal
+    /// number.
     fn learn_channel(&mut self, satellite: Satellite, first: &[u8]) {
         if satellite.system == System::Glonass
             && first[1] & 0x1f != EXTENDED

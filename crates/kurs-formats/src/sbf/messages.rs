@@ -209,8 +209,8 @@ fn describe_galileo(f: &mut impl BlockFields, m: &mut KeplerMessage) {
     f.skip(4 + 1); // delay of E6, encryption
 }
 
-/// `Health_OSSOL`: for E1-B, E5b and E5a a bit that says whether the three behind it are known. In the
-/// word of RINEX these stand at bits 0, 6 and 3.
+/// `Health_OSSOL`: for E1-B, E5b and E5a a bit that says whether the three behind it are known. In
+/// the word of RINEX these stand at bits 0, 6 and 3.
 fn galileo_health(f: &mut impl BlockFields, health: &mut u64) {
     const PARTS: [(u32, u32); 3] = [(0, 0), (4, 6), (8, 3)];
     let mut bits = 0;

@@ -1,9 +1,11 @@
 //! Septentrio blocks (SBF): measurements of up to eight antennas, navigation pages and messages.
 //!
-//! Source: Septentrio PolaRx5TR reference guide, firmware 5.5.0, chapter 4 (block headers 4.1.1, time
-//! stamps 4.1.3, satellites 4.1.9, signals 4.1.10, blocks 4.2); the mosaic receivers have the same.
+//! Source: Septentrio PolaRx5TR reference guide, firmware 5.5.0, chapter 4 (block headers 4.1.1,
+//! time stamps 4.1.3, satellites 4.1.9, signals 4.1.10, blocks 4.2); the mosaic receivers have the
+//! same.
 //!
-//! Each block that is written too is described once, as the list of its fields, for both directions.
+//! Each block that is written too is described once, as the list of its fields, for both
+//! directions.
 
 pub(crate) mod block;
 pub(crate) mod measurements;

@@ -1,4 +1,4 @@
-//! What a block tells of orbits, clocks, ionosphere and time.
+//! Orbits, clocks, ionosphere and time parameters in blocks.
 
 use kurs::ephemeris::NavigationData;
 use kurs::signal::System;
@@ -8,8 +8,8 @@ use super::block::Block;
 use super::{messages, pages, parameters};
 use crate::navigation_frames::{Collector, Taken, gps_lnav};
 
-/// Takes the ephemeris of a block, or a part of it, received at `time`; other parameters are put into
-/// `data`.
+/// Takes the ephemeris of a block, or a part of it, received at `time`; other parameters are put
+/// into `data`.
 pub(crate) fn take(
     block: &Block<'_>,
     time: GpsTime,

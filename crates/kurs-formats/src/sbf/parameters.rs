@@ -1,5 +1,5 @@
-//! What the satellites tell beside their ephemerides: GPSIon, GALIon, BDSIon; GPSUtc, GALUtc, BDSUtc,
-//! GLOTime; GALGstGps.
+//! What the satellites broadcast beside their ephemerides: GPSIon, GALIon, BDSIon; GPSUtc, GALUtc,
+//! BDSUtc, GLOTime; GALGstGps.
 //!
 //! Source: reference guide, 4.2.3 to 4.2.6.
 

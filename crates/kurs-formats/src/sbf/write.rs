@@ -59,8 +59,8 @@ impl<W: Write> SbfWriter<W> {
         }
     }
 
-    /// Writes an epoch of the antennas in the order of [`AntennaId`], the main one first, and before
-    /// it the ephemerides that have come by then.
+    /// Writes an epoch of the antennas in the order of [`AntennaId`], the main one first, and
+    /// before it the ephemerides that have come by then.
     ///
     /// # Errors
     ///
@@ -135,8 +135,8 @@ impl<W: Write> SbfWriter<W> {
         self.output.write_all(&framed)
     }
 
-    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
-    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for
+    /// one of its values (a GLONASS reference time off the quarter hour) or does not exist.
     #[must_use]
     pub const fn left_out(&self) -> &BTreeSet<Satellite> {
         self.schedule.left_out()

@@ -115,8 +115,8 @@ pub fn looks_like(text: &str) -> bool {
 ///
 /// # Errors
 ///
-/// [`TdmError`] with line and keyword, if the sections are not as they should be or no segment can be
-/// used.
+/// [`TdmError`] with line and keyword, if the sections are not as they should be or no segment can
+/// be used.
 pub fn read(text: &str) -> Result<TrackingData, TdmError> {
     let text = text.trim_start_matches('\u{feff}');
     if text.trim_start().starts_with('<') { xml::read(text) } else { kvn::read(text) }

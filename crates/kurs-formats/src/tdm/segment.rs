@@ -69,8 +69,8 @@ const DATA_READ_PAST: [&str; 25] = [
     "TRANSMIT_POWER",
 ];
 
-/// No range is longer, out and back to a geostationary satellite (83 400 km) included: a modulus from
-/// here on leaves no doubt.
+/// No range is longer, out and back to a geostationary satellite (83 400 km) included: a modulus
+/// from here on leaves no doubt.
 const MAX_RANGE_M: f64 = 1e8;
 
 /// Participants in the order of the signal, by index.
@@ -88,7 +88,7 @@ pub(super) struct Metadata {
     angle_type: Option<String>,
     range_units: RangeUnits,
     range_modulus: f64,
-    /// Of angle 1, angle 2 and range, in the units of the file.
+    /// Corrections of angle 1, angle 2 and range, in the units of the file.
     corrections: [f64; 3],
     corrections_applied: Option<bool>,
 }

@@ -23,8 +23,8 @@ pub(crate) struct Measured {
 }
 
 impl AntennaLine {
-    /// The vector of a fixed row: turned by the attitude where all three angles are known, which serves even
-    /// while the antenna itself is missing; else the baseline.
+    /// The vector of a fixed row: turned by the attitude where all three angles are known, which
+    /// serves even while the antenna itself is missing; else the baseline.
     pub(crate) fn in_row(&self, row: &EpochSolution) -> Option<Measured> {
         let attitude = row.attitude().filter(|_| row.is_fixed())?;
         self.turned(attitude).or_else(|| self.baseline(row))

@@ -1,5 +1,5 @@
-//! What an emulated receiver answers: a host that configures one wants every CFG message acknowledged, and
-//! to know whom it talks to (MON-VER). Nothing that it sets changes what is sent.
+//! What an emulated receiver answers: a host that configures one wants every CFG message
+//! acknowledged, and to know whom it talks to (MON-VER). Nothing that it sets changes what is sent.
 
 use std::collections::BTreeMap;
 
@@ -182,7 +182,8 @@ fn version() -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// CFG-VALSET of PX4 (two values), MON-VER, in pieces of every size, with noise before and between.
+    /// CFG-VALSET of PX4 (two values), MON-VER, in pieces of every size, with noise before and
+    /// between.
     #[test]
     fn pieces_of_any_size_have_one_answer_each() {
         let valset = [0, 1, 0, 0, 0x01, 0, 0x73, 0x10, 1, 0x01, 0, 0x52, 0x40, 0, 0xc2, 1, 0];

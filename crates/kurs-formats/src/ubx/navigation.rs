@@ -1,9 +1,9 @@
-//! A row as a receiver with a moving base says it: NAV-DOP, NAV-PVT, NAV-RELPOSNED of one epoch, and
-//! NAV-DAHEADING of receivers with two antennas.
+//! A row as a receiver with a moving base says it: NAV-DOP, NAV-PVT, NAV-RELPOSNED of one epoch,
+//! and NAV-DAHEADING of receivers with two antennas.
 //!
-//! Source: u-blox F9 HPG 1.32 interface description, UBX-22008968, sections 3.15.3, 3.15.11, 3.15.12; the
-//! layout of NAV-DAHEADING is that of pyubx2 1.4.0. What is not known is a flag that is off, zero, and an accuracy
-//! that is the greatest number of its type.
+//! Source: u-blox F9 HPG 1.32 interface description, UBX-22008968, sections 3.15.3, 3.15.11,
+//! 3.15.12; the layout of NAV-DAHEADING is that of pyubx2 1.4.0. What is not known is a flag that
+//! is off, zero, and an accuracy that is the greatest number of its type.
 
 use kurs::solution::{EpochSolution, PositionEstimate, PositionOrigin};
 use kurs::time::GpsTime;
@@ -24,10 +24,10 @@ const NAV_DAHEADING: [u8; 2] = [0x01, 0x45];
 const ANGLE_UNITS_PER_DEG: f64 = 1e5;
 /// What an unknown accuracy says.
 const UNKNOWN: u32 = u32::MAX;
-/// Of a heading that is not known, 10⁻⁵ degree.
+/// Accuracy of a heading that is not known, 10⁻⁵ degree.
 const HALF_TURN: f64 = 180.0 * ANGLE_UNITS_PER_DEG;
-/// 1 sigma of the velocity, m/s: rows have none. `tests/profiles/run` holds the error of simulated receivers with
-/// Doppler to three times this.
+/// 1 sigma of the velocity, m/s: rows have none. `tests/profiles/run` holds the error of simulated
+/// receivers with Doppler to three times this.
 pub(crate) const SPEED_SD_MPS: f64 = 0.1;
 
 /// `flags` of NAV-RELPOSNED and NAV-DAHEADING.
@@ -92,7 +92,7 @@ fn pvt(time: GpsTime, row: &EpochSolution) -> Vec<u8> {
     const FIX_3D: u8 = 3;
     const VEHICLE_HEADING_VALID: u8 = 1 << 5;
     const INVALID_PLACE: u16 = 1;
-    /// Of the broadcast time, ns.
+    /// Accuracy of the broadcast time, ns.
     const TIME_ACCURACY_NS: u32 = 100;
     let position = row.position.as_ref();
     let utc = time.utc();
@@ -212,7 +212,7 @@ fn components_m(measured: Option<&Measured>) -> [f64; 4] {
     })
 }
 
-/// Of the components, the length and the heading.
+/// Accuracies of the components, the length and the heading.
 fn accuracies(measured: Option<&Measured>, units_per_m: f64) -> Vec<u8> {
     let Some(measured) = measured else {
         return [UNKNOWN.to_le_bytes(); 5].as_flattened().to_vec();

@@ -13,9 +13,9 @@ const SYSTEMS: [(u8, System); 7] = [
     (7, System::NavIc),
 ];
 
-/// Numbers of a signal (`gnssId`, `sigId`; interface description, 1.5.4) with band and tracking code
-/// of RINEX 3. BeiDou's B1I to B3I have two numbers, by the message that they carry (D1, D2); the
-/// first one is that of D1.
+/// Numbers of a signal (`gnssId`, `sigId`; interface description, 1.5.4) with band and tracking
+/// code of RINEX 3. BeiDou's B1I to B3I have two numbers, by the message that they carry (D1, D2);
+/// the first one is that of D1.
 const SIGNALS: [(System, u8, u8, u8); 34] = [
     (System::Gps, 0, 1, b'C'),
     (System::Gps, 3, 2, b'L'),

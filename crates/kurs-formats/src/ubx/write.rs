@@ -35,7 +35,8 @@ pub struct UbxWriter<W: Write> {
 
 impl<W: Write> UbxWriter<W> {
     /// Begins a log of a receiver that receives the ephemerides of `navigation` too. Signals that
-    /// u-blox has no number for, and GLONASS satellites without a known channel, are left out of it.
+    /// u-blox has no number for, and GLONASS satellites without a known channel, are left out of
+    /// it.
     pub fn new(output: W, navigation: &NavigationData) -> Self {
         Self {
             output,
@@ -116,8 +117,8 @@ impl<W: Write> UbxWriter<W> {
         Some(m)
     }
 
-    /// Satellites with an ephemeris that the log does not have, because the message has no room for one
-    /// of its values (a GLONASS reference time off the quarter hour) or does not exist.
+    /// Satellites with an ephemeris that the log does not have, because the message has no room for
+    /// one of its values (a GLONASS reference time off the quarter hour) or does not exist.
     #[must_use]
     pub const fn left_out(&self) -> &BTreeSet<Satellite> {
         self.schedule.left_out()

@@ -1,6 +1,7 @@
-//! What leaves for autopilots, in front of the gates of ArduPilot and PX4 as they are described: which bits, ages and
-//! lengths a heading needs to be believed. The gates are written from their descriptions, so that every message is
-//! also shown to be refused where one thing about it is wrong.
+//! What leaves for autopilots, in front of the gates of ArduPilot and PX4 as they are described:
+//! which bits, ages and lengths a heading needs to be believed. The gates are written from their
+//! descriptions, so that every message is also shown to be refused where one thing about it is
+//! wrong.
 
 use kurs::frames::{Body, Vector};
 use kurs::solution::EpochSolution;
@@ -145,7 +146,8 @@ fn forward() -> AntennaLine {
 #[test]
 fn fixed_rows_are_believed_at_every_heading_and_tilt() {
     for degrees in ATTITUDES {
-        // A line that is not along the body shows its heading in the horizontal plane only while it is level.
+        // A line that is not along the body shows its heading in the horizontal plane only while it
+        // is level.
         let level = degrees[1] == 0.0 && degrees[2] == 0.0;
         let oblique = AntennaLine { rover: 2, body_m: Vector::new(-0.3, 0.9, 0.0) };
         for line in [forward(), oblique].into_iter().take(if level { 2 } else { 1 }) {
@@ -262,8 +264,8 @@ fn a_gap_is_one_for_the_autopilot_too() {
     assert_eq!(believed, [true, true, true, false, false, false, false, false, true, true]);
 }
 
-/// ArduPilot's NMEA: the yaw of KSXT counts while its eleventh field is 3; no other sentence may bring one, an empty
-/// one neither.
+/// ArduPilot's NMEA: the yaw of KSXT counts while its eleventh field is 3; no other sentence may
+/// bring one, an empty one neither.
 #[test]
 fn ksxt_is_the_only_sentence_with_a_heading() {
     let sentences = |row: &EpochSolution| {

@@ -72,8 +72,8 @@ fn clock_offsets_are_read() {
     assert_eq!(epochs[3].clock_offset_s, Some(4.5e-7));
 }
 
-/// `rnx2crx` 4.1.0 forgets the digits of an observation that is missing without writing `&` for them:
-/// they must not come back with the observation.
+/// `rnx2crx` 4.1.0 forgets the digits of an observation that is missing without writing `&` for
+/// them: they must not come back with the observation.
 #[test]
 fn digits_end_with_their_observation() {
     let record = |content: &str, label: &str| format!("{content:<60}{label}\n");

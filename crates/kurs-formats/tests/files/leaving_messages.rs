@@ -1,5 +1,5 @@
-//! Values of messages at the ends of their ranges, and what is not available. Foreign readers look at all of them in
-//! `tests/profiles/run`.
+//! Values of messages at the ends of their ranges, and what is not available. Foreign readers look
+//! at all of them in `tests/profiles/run`.
 
 use kurs::solution::EpochSolution;
 use kurs::turn_rate::Rate;
@@ -13,7 +13,8 @@ use kurs::frames::Vector;
 
 const TURN: [Option<Rate>; 3] = [Some(Rate { radps: -0.25, sd_radps: 0.01 }), None, None];
 
-/// Yaw of GPS_INPUT: bytes 63 and 64 of the payload, which begins at byte 10; zeros at its end are left out.
+/// Yaw of GPS_INPUT: bytes 63 and 64 of the payload, which begins at byte 10; zeros at its end are
+/// left out.
 fn yaw(row: &EpochSolution) -> u16 {
     let message = mavlink::gps_input(row, 7);
     let payload = &message[10..message.len() - 2];
@@ -31,8 +32,8 @@ fn gps_input_has_a_yaw_of_its_own_for_north_and_for_none() {
     assert_eq!(yaw(&float(0, [90.0; 3])), 0);
 }
 
-/// One antenna that is left has no double differences: the satellites beside its position are those that it was located
-/// by. In NAV-PVT their number is byte 23, in GPS_INPUT byte 62 of the payload.
+/// One antenna that is left has no double differences: the satellites beside its position are those
+/// that it was located by. In NAV-PVT their number is byte 23, in GPS_INPUT byte 62 of the payload.
 #[test]
 fn a_position_never_has_no_satellites() {
     let mut row = without_heading(0);

@@ -1,6 +1,6 @@
-//! A receiver in low orbit, 500 km high and 7.6 km/s fast: position, velocity and UTC from ranges made
-//! with precise orbits of a real day. The ranges come from inertial coordinates, by light time, and
-//! share no equation with the solution.
+//! A receiver in low orbit, 500 km high and 7.6 km/s fast: position, velocity and UTC from ranges
+//! made with precise orbits of a real day. The ranges come from inertial coordinates, by light
+//! time, and share no equation with the solution.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // a test
 
 use kurs::ephemeris::{NavigationData, UtcParameters};

@@ -1,4 +1,4 @@
-//! Files of every format: what is in them, every way to break them, and others' readers beside ours.
+//! Files of every format: what is in them, ways to break them, others' readers beside ours.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // tests, with measured figures and what was skipped
 
 #[path = "../../../../tests/outside.rs"]

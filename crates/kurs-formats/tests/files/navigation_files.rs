@@ -322,8 +322,8 @@ fn wrong_dates_are_told_as_they_stand() {
     }
 }
 
-/// A line that is cut, in a number or between two, and a number of the orbit that is blank: zero is not
-/// meant, and neither is what the digits before the cut happen to say.
+/// A line that is cut, in a number or between two, and a number of the orbit that is blank: zero is
+/// not meant, and neither is what the digits before the cut happen to say.
 #[test]
 fn numbers_that_are_missing_are_not_zero() {
     for (satellite, found, broken, line, columns) in [
@@ -346,8 +346,8 @@ fn numbers_that_are_missing_are_not_zero() {
     }
 }
 
-/// What a writer does not know it may leave blank: spare fields, the issue, an accuracy, the group delay
-/// of QZSS, the time of a GLONASS frame.
+/// What a writer does not know it may leave blank: spare fields, the issue, an accuracy, the group
+/// delay of QZSS, the time of a GLONASS frame.
 #[test]
 fn unknown_numbers_may_be_blank() {
     let (right, _) = read(&file_3(RECORDS));

@@ -178,7 +178,8 @@ fn ephemerides_of_a_log_are_those_that_were_written() {
     }
 }
 
-/// A log that begins in the midst of the subframes: the date stands behind them, in the first epoch.
+/// A log that begins in the midst of the subframes: the date stands behind them, in the first
+/// epoch.
 #[test]
 fn subframes_before_the_first_epoch_have_its_date() {
     let Some(data) = broadcast() else { return };

@@ -1,5 +1,5 @@
-//! Navigation files of real receivers and precise orbits; skipped, visibly, where the recordings are
-//! absent.
+//! Navigation files of real receivers and precise orbits; skipped, visibly, where the recordings
+//! are absent.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

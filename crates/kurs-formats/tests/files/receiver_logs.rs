@@ -389,10 +389,11 @@ fn one_of_several_antennas_must_be_chosen() {
     assert!(error.contains("station_id"), "{error}");
 }
 
-/// Differences of `convbin`, all of them: it knows no QZSS satellites, no E36, C62 and S58, and keeps
-/// one signal of some bands only; strengths are 250 times too small; it marks the first phase of every
-/// signal as slipped. It takes for values what stands for none (reference guide, 4.2.1): −2²³ units of a
-/// phase in a sub-block of type 1; 255 units of a strength, of whose 73.75 dB-Hz eight bits are left, 9.75.
+/// Differences of `convbin`, all of them: it knows no QZSS satellites, no E36, C62 and S58, and
+/// keeps one signal of some bands only; strengths are 250 times too small; it marks the first phase
+/// of every signal as slipped. It takes for values what stands for none (reference guide, 4.2.1):
+/// −2²³ units of a phase in a sub-block of type 1; 255 units of a strength, of whose 73.75 dB-Hz
+/// eight bits are left, 9.75.
 #[test]
 fn sbf_log_as_convbin() {
     const NOT_THERE: [&str; 10] = [
@@ -551,8 +552,8 @@ fn as_received(reader: &mut LogReader) -> Vec<(AntennaEpoch, usize)> {
     epochs
 }
 
-/// A log without navigation data, whose receiver gets them before its fifth epoch: as a file and as a
-/// stream that brings one byte after the other.
+/// A log without navigation data, whose receiver gets them before its fifth epoch: as a file and as
+/// a stream that brings one byte after the other.
 #[test]
 fn as_received_an_ephemeris_comes_with_the_epoch_that_follows_it() {
     let epochs = written_epochs(&COMMON, 0.5);
@@ -717,7 +718,8 @@ fn ephemerides_tell_that_the_week_is_wrong() {
     }
 }
 
-/// Ephemerides before the first observation set a date right that is a week old: nothing has to be begun anew.
+/// Ephemerides before the first observation set a date right that is a week old: nothing has to be
+/// begun anew.
 #[test]
 fn ephemerides_before_the_first_observation_set_the_week_right() {
     let epochs = written_epochs(&COMMON, 0.5);
@@ -734,8 +736,8 @@ fn ephemerides_before_the_first_observation_set_the_week_right() {
     assert!((epoch.time - epochs[0].time).abs() < 1e-6, "{}", epoch.time);
 }
 
-/// A receiver sets its clock back by a minute: of a stream its epochs come out again from the third one on, of a file
-/// none does. A single epoch of an earlier time is skipped by both.
+/// A receiver sets its clock back by a minute: of a stream its epochs come out again from the third
+/// one on, of a file none does. A single epoch of an earlier time is skipped by both.
 #[test]
 fn a_stream_follows_a_clock_that_is_set_back() {
     let epochs = written_epochs(&COMMON, 0.5);

@@ -1,6 +1,6 @@
-//! Observation messages of the kinds that no writer of ours makes: MSM 4, 5 and 6, put together here
-//! bit by bit as tables 3.5-78 to 3.5-87 of RTCM 10403.3 list them, beside MSM 7; and those before
-//! them, 1002, 1004, 1010 and 1012.
+//! Observation messages of the kinds that no writer of ours makes: MSM 4, 5 and 6, put together
+//! here bit by bit as tables 3.5-78 to 3.5-87 of RTCM 10403.3 list them, beside MSM 7; and those
+//! before them, 1002, 1004, 1010 and 1012.
 #![allow(clippy::unwrap_used, clippy::cast_possible_truncation)] // a test, of small numbers
 
 use kurs::observation::AntennaEpoch;

@@ -38,7 +38,8 @@ pub(crate) struct AntennasConfig {
     /// `attitude.csv` of `kurs solve` or `kurs orient`.
     #[serde(skip_serializing_if = "Option::is_none")]
     attitude: Option<PathBuf>,
-    /// Or the configuration of `kurs solve`: the epochs are solved here, with what the filter predicts.
+    /// Or the configuration of `kurs solve`: the epochs are solved here, with what the filter
+    /// predicts.
     #[serde(skip_serializing_if = "Option::is_none")]
     solve: Option<PathBuf>,
     /// Whether attitudes from real-valued ambiguities are used too.
@@ -127,7 +128,8 @@ impl AntennasConfig {
     }
 }
 
-/// The session that these tables describe; `gyro_calibrated`: a bias from a rest is taken off the rates.
+/// The session that these tables describe; `gyro_calibrated`: a bias from a rest is taken off the
+/// rates.
 pub(crate) fn session(
     antennas: &AntennasConfig,
     imu: &ImuConfig,

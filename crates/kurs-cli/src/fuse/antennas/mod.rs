@@ -1,5 +1,5 @@
-//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, or finds here with the filter's
-//! prediction, carried on by an inertial sensor.
+//! `kurs fuse` with `[antennas]`: attitudes that `kurs solve` found, or finds here with the
+//! filter's prediction, carried on by an inertial sensor.
 
 pub(crate) mod config;
 mod rows;

@@ -1,5 +1,5 @@
-//! What `kurs fuse` writes for antennas and an inertial sensor: `attitude.csv` and `smoothed.csv` with
-//! the columns of `kurs solve`, `health.csv`, `summary.json`.
+//! What `kurs fuse` writes for antennas and an inertial sensor: `attitude.csv` and `smoothed.csv`
+//! with the columns of `kurs solve`, `health.csv`, `summary.json`.
 
 use std::path::Path;
 

@@ -73,8 +73,8 @@ fn installation_sd_rad(summary: &Path) -> anyhow::Result<Option<[f64; 3]>> {
     Ok(of.is_object().then(|| ["heading", "pitch", "roll"].map(sd_rad)))
 }
 
-/// The part of a covariance that these standard deviations of the installation make: `C − D C D` with
-/// what they leave of each standard deviation in `D`.
+/// The part of a covariance that these standard deviations of the installation make: `C − D C D`
+/// with what they leave of each standard deviation in `D`.
 fn installation_part(covariance_rad2: &Matrix3<f64>, sd_rad: [f64; 3]) -> Matrix3<f64> {
     let left = Vector3::from_fn(|k, _| {
         let share = sd_rad[k].powi(2) / covariance_rad2[(k, k)];

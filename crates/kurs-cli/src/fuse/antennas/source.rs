@@ -1,5 +1,5 @@
-//! Where the antennas' rows come from: a file that `kurs solve` wrote, or the observations themselves,
-//! solved epoch by epoch with what the filter predicts.
+//! Where the antennas' rows come from: a file that `kurs solve` wrote, or the observations
+//! themselves, solved epoch by epoch with what the filter predicts.
 
 use std::path::Path;
 use std::vec::IntoIter;
@@ -128,8 +128,8 @@ impl Source {
         }
     }
 
-    /// The text that stands for the antennas in the hash of the configuration, and everything that was
-    /// damaged.
+    /// The text that stands for the antennas in the hash of the configuration, and everything that
+    /// was damaged.
     pub(super) fn finish(mut self) -> (String, Vec<Damage>) {
         match self.kind {
             Kind::Solved(_) => (String::new(), self.damage),

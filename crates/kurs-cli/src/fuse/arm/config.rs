@@ -100,7 +100,7 @@ pub(super) struct AccelerometerConfig {
     pub(super) range_mps2: f64,
     /// Above zero biases are states of the filter.
     pub(super) bias_sd_mps2: f64,
-    /// Of the column `arm_deg`.
+    /// Standard deviation of the column `arm_deg`.
     pub(super) arm_angle_sd_deg: f64,
 }
 

@@ -1,4 +1,4 @@
-//! `kurs fuse` with `[arm]`: GNSS and accelerometers on a rotating arm, from recordings or simulated.
+//! `kurs fuse` with `[arm]`: GNSS and accelerometers on a rotating arm, recorded or simulated.
 
 mod config;
 mod input;

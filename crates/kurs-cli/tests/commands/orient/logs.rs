@@ -1,5 +1,5 @@
-//! Two receivers two metres apart, as their NMEA logs tell it: lengths that do not fit, heights without
-//! a separation, solutions that are no fixed ones, logs that give nothing.
+//! Two receivers two metres apart, as their NMEA logs tell it: lengths that do not fit, heights
+//! without a separation, solutions that are no fixed ones, logs that give nothing.
 
 use std::fs;
 use std::path::Path;
@@ -188,7 +188,7 @@ fn logs_that_give_nothing_say_why() {
     assert_eq!((code, rows.len()), (0, 10));
 }
 
-/// Positions that cannot be used are no riddle: other names, values that are none, one antenna alone.
+/// The message says why positions cannot be used: other names, wrong values, one antenna alone.
 #[test]
 fn positions_that_are_left_out_are_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! `kurs orient` on simulated coordinates: honest, finds displaced antennas, estimates the array.
 //!
-//! `cargo test --release -p kurs-cli --test commands orient -- --ignored --nocapture` measures every figure on
-//! 100 000 epochs, the speed among them.
+//! `cargo test --release -p kurs-cli --test commands orient -- --ignored --nocapture` measures
+//! every figure on 100 000 epochs, the speed among them.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod figures;
@@ -101,8 +101,8 @@ fn column(folder: &Path, name: &str) -> Vec<Option<f64>> {
     reader.records().map(|row| row.unwrap()[place].parse().ok()).collect()
 }
 
-/// Two antennas nearly abreast of a body that pitches by up to 11°: heading and roll, as good as they
-/// say, and nothing of the pitch.
+/// Two antennas nearly abreast of a body that pitches by up to 11°: heading and roll, as good as
+/// they say, and nothing of the pitch.
 #[test]
 fn a_pair_across_the_body_gives_heading_and_roll() {
     let folder = tempfile::tempdir().unwrap();
@@ -157,8 +157,8 @@ fn the_survey_of_the_array_is_in_the_standard_deviations() {
     assert_eq!(nothing, 0.0);
     let added = (surveyed - exact) / installation.powi(2);
     assert!((added - 1.0).abs() < 0.1, "{exact} {surveyed} {installation}");
-    // 1 cm in each coordinate of the corners of a square of 0.8 m: σ / √(Σ r²), Σ r² = 2 · 0.8²; a little more
-    // of three antennas.
+    // 1 cm in each coordinate of the corners of a square of 0.8 m: σ / √(Σ r²), Σ r² = 2 · 0.8²; a
+    // little more of three antennas.
     let expected = (0.01 / (0.8 * core::f64::consts::SQRT_2)).to_degrees();
     assert!((0.9..1.2).contains(&(installation / expected)), "{installation} {expected}");
 }
@@ -312,7 +312,8 @@ fn every_figure() {
         100.0 * of_three.missed_share(),
         of_three.displaced
     );
-    // First-order covariances of errors of three degrees: a hundred thousand epochs see the difference.
+    // First-order covariances of errors of three degrees: a hundred thousand epochs see the
+    // difference.
     println!(
         "| three antennas: mean NEES | 3 ± {:.3} | {:.3} |",
         of_three.nees_band(),

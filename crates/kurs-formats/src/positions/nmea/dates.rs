@@ -1,10 +1,10 @@
 //! Dates of a log whose sentences tell times of day.
 //!
-//! Days are counted over midnight from the first sentence on. A date that stands with day number `n`
-//! says that day 0 was `n` days before it, and is a vote for that day. Sentences that follow each
-//! other within a minute are of one stretch, and all of a stretch have one day 0: the one with most
-//! votes. So a receiver that states a wrong date for a while is found out, and a pause of days is
-//! obeyed.
+//! Days are counted over midnight from the first sentence on. A date that stands with day number
+//! `n` says that day 0 was `n` days before it, and is a vote for that day. Sentences that follow
+//! each other within a minute are of one stretch, and all of a stretch have one day 0: the one with
+//! most votes. So a receiver that states a wrong date for a while is found out, and a pause of days
+//! is obeyed.
 
 use std::collections::BTreeMap;
 
@@ -75,7 +75,8 @@ impl Dates {
         !self.votes.is_empty()
     }
 
-    /// Ends the stretch: its day 0, by its own dates or those before it. What was outvoted is damage.
+    /// Ends the stretch: its day 0, by its own dates or those before it. What was outvoted is
+    /// damage.
     pub(super) fn end_stretch(&mut self, damage: &mut DamageLog) -> Option<i64> {
         let votes = core::mem::take(&mut self.votes);
         // Among equals the first one said.

@@ -1,4 +1,4 @@
-//! Sentences of a line: where they begin, whether their checksum is right, and what their fields say.
+//! Sentences of a line: where they begin, whether their checksum is right, what their fields say.
 
 use kurs::frames::Geodetic;
 
@@ -15,7 +15,7 @@ pub(super) enum Piece<'a> {
     Sentence(Fields<'a>),
     /// A sentence that states no checksum.
     WithoutChecksum(Fields<'a>),
-    /// A sentence that differs from its checksum, or is no text: what is wrong.
+    /// A sentence that differs from its checksum, or is not text: what is wrong.
     Damaged(String),
 }
 

@@ -31,8 +31,9 @@ enum Need {
     Not,
 }
 
-/// Clock and orbit, health, group delay; accuracy, issue, time of transmission and fit interval may be
-/// unknown. Sources of the data decide between the messages of Galileo where the record does not.
+/// Clock and orbit, health, group delay; accuracy, issue, time of transmission and fit interval may
+/// be unknown. Sources of the data decide between the messages of Galileo where the record does
+/// not.
 fn kepler_need(message: Message, index: usize) -> Need {
     let is_galileo = matches!(message, Message::GalileoInav | Message::GalileoFnav);
     match index {
@@ -55,9 +56,9 @@ const fn glonass_need(_: Message, index: usize) -> Need {
 }
 
 /// Whether a number that is needed may be left blank. RINEX lets writers leave out what they do not
-/// know: an accuracy, a group delay that QZSS marks as not to be used, of Galileo's F/NAV the delay of
-/// E5b, and for GLONASS the time of the frame. Zero is right for them; an orbit, a clock or a health of
-/// zero would be another one.
+/// know: an accuracy, a group delay that QZSS marks as not to be used, of Galileo's F/NAV the delay
+/// of E5b, and for GLONASS the time of the frame. Zero is right for them; an orbit, a clock or a
+/// health of zero would be another one.
 fn may_be_blank(satellite: Satellite, message: Message, index: usize) -> bool {
     match message {
         Message::GlonassFdma => index == 2,
@@ -68,8 +69,8 @@ fn may_be_blank(satellite: Satellite, message: Message, index: usize) -> bool {
 }
 
 impl Record {
-    /// The ephemeris in this record; `None` if its message is read past. A number that the ephemeris
-    /// can do without is noted, one that means nothing is not looked at.
+    /// The ephemeris in this record; `None` if its message is read past. A number that the
+    /// ephemeris can do without is noted, one that means nothing is not looked at.
     pub(super) fn ephemeris(
         &mut self,
         damage: &mut DamageLog,
@@ -139,8 +140,8 @@ impl Record {
         time.ok_or_else(|| self.wrong_date(satellite))
     }
 
-    /// Refuses a record with a line too many: its numbers are not where they belong. As many as a whole
-    /// record has are one that lost its first line; they are noted and shed.
+    /// Refuses a record with a line too many: its numbers are not where they belong. As many as a
+    /// whole record has are one that lost its first line; they are noted and shed.
     fn shed_lines(
         &mut self,
         satellite: Satellite,

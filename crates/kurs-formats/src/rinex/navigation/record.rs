@@ -59,7 +59,7 @@ pub(super) struct Record {
 /// A field that is blank, or in which its line ends.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gap {
-    /// Of the number in the record.
+    /// Index of the number in the record.
     pub(super) index: usize,
     line: u64,
     /// Counted from 0.

@@ -84,8 +84,8 @@ impl Columns {
     }
 }
 
-/// Whether the format has no such code. One list of RINEX 2 is for all systems, and some of it means
-/// nothing for most of them; what means nothing for any is told of the first one.
+/// Whether the format has no such code. A list of RINEX 2 serves all systems, and some of it means
+/// nothing for most of them; what means nothing for any system is reported once, with the first.
 fn means_nothing(
     system: System,
     code: ObservationCode,

@@ -35,7 +35,7 @@ const F14_3: Range<i64> = -999_999_999_999..10_000_000_000_000;
 const F12_9: Range<i64> = -9_999_999_999..100_000_000_000;
 const F15_12: Range<i64> = -9_999_999_999_999..100_000_000_000_000;
 
-/// The lines of a compact file that are none of a satellite, and what the others mean.
+/// The lines of a compact file that are not a satellite's, and what the others mean.
 #[derive(Debug)]
 pub(super) struct CompactLines {
     source: Source,
@@ -112,7 +112,7 @@ enum Number {
 
 impl Arc {
     /// Takes the next field: `order&number` begins an arc, a bare number is a difference. A number
-    /// outside of the `limits` of its columns in RINEX is none.
+    /// outside of the `limits` of its columns in RINEX is invalid.
     fn take(&mut self, field: &[u8], limits: &Range<i64>) {
         let difference = match *field {
             [] => {
@@ -421,7 +421,7 @@ impl CompactLines {
         self.source.line().first() == Some(&mark)
     }
 
-    /// Applies an epoch line to the text of the one before; `false` if the result is none.
+    /// Applies an epoch line to the text of the one before; `false` if that gives no epoch line.
     fn take_epoch_line(&mut self) -> bool {
         self.epoch_count += 1;
         if self.is_full_epoch_line() {

@@ -84,7 +84,7 @@ pub(super) fn text_field(line: &[u8], index: usize) -> Result<Field, Damaged> {
     }
 }
 
-/// Whether a program wrote what it has for a number that is none.
+/// Whether a program wrote its word for a missing number.
 fn is_no_number(field: &[u8]) -> bool {
     let text = field.trim_ascii();
     let text = text.strip_prefix(b"-").unwrap_or(text);

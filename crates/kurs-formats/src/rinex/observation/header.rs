@@ -193,7 +193,7 @@ impl ObservationHeader {
         latest.map_or(1.0, |scale| scale.factor)
     }
 
-    /// In half-cycle data (RINEX 2) the digit says where the ambiguity is a whole cycle nevertheless.
+    /// In half-cycle data (RINEX 2) the digit marks the phases whose ambiguity is a whole cycle.
     pub(super) fn apply_wavelength_factors(&self, observations: &mut [Observation]) {
         let factors = &self.satellite_wavelength_factors;
         let any = self.wavelength_factors.contains(&2) || !factors.is_empty();
@@ -380,8 +380,8 @@ impl HeaderRecords {
         Some(())
     }
 
-    /// `A1,1X,A3,1X,F8.5,2X,I2.2,10(1X,A3)`; the quantity is left out by some programs. What cannot be
-    /// read is passed over, because the record changes nothing.
+    /// `A1,1X,A3,1X,F8.5,2X,I2.2,10(1X,A3)`; the quantity is left out by some programs. What cannot
+    /// be read is passed over, because the record changes nothing.
     fn phase_shift(&mut self, header: &mut ObservationHeader, line: &[u8]) -> Option<()> {
         let letter = line.first().copied().unwrap_or(b' ');
         if letter != b' ' {

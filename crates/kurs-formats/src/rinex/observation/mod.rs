@@ -198,7 +198,7 @@ fn open_lines(mut source: Source) -> Result<(Lines, ObservationHeader), ReadErro
     Err(source.wrong_content("no RINEX header", EXPECTED))
 }
 
-/// Version and system of the file; what was found if it is none that is read.
+/// Version and system of the file; the error says what was found in place of a readable version.
 fn first_record(line: &[u8]) -> Result<ObservationHeader, String> {
     let version = Version::parse(columns(line, 0..9));
     let Some(version) = version.filter(|version| (2..=4).contains(&version.major)) else {

@@ -1,7 +1,8 @@
 //! The list of observation types in a header: which column of the data has which name.
 //!
 //! The first record of a list declares how many names it has. Where there are others the header is
-//! damaged, and a name that is lost must not move those behind it into the columns of other signals.
+//! damaged, and a name that is lost must not move those behind it into the columns of other
+//! signals.
 
 use kurs::signal::System;
 
@@ -66,8 +67,8 @@ impl TypeList {
         self.places.iter().rposition(|code| *code != NAMELESS).map_or(0, |last| last + 1)
     }
 
-    /// Whether the names of a list that is too short stand in their places: no record is missing, and
-    /// none has places that were left free.
+    /// Whether the names of a list that is too short stand in their places: no record is missing,
+    /// and none has places that were left free.
     fn has_all_records(&self, declared: usize) -> bool {
         self.places.len() >= declared && self.behind_last_name() <= declared
     }
