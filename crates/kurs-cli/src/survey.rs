@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::observation::ArrayEpoch;
+use kurs::orientation::geometry::GeometryError;
 use kurs::orientation::survey::{Survey, SurveyedArray};
 use serde::Serialize;
 
@@ -18,6 +19,7 @@ use crate::page::Page;
 use crate::progress::{Progress, Work};
 use crate::solve::config::Loaded;
 use crate::solve::session_args::SessionArgs;
+use crate::solve::streams::Streams;
 use crate::solve::{Input, antenna_names};
 
 /// What a run may leave in its folder.
@@ -54,32 +56,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let Input { navigation, mut streams, phase_centers, .. } = Input::open(loaded)?;
     let mut engine = Engine::new(settings, navigation)?.with_phase_centers(phase_centers.mounts);
 
-    let (mut survey, mut copies) = (Survey::new(names.len()), Copies::default());
-    let mut progress = Progress::start(args.quiet, Work::SURVEY);
-    let mut epoch = ArrayEpoch::default();
     let watch = Watch::begin();
-    while !watch.asks_to_end() && streams.next(&mut epoch)? {
-        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
-        copies.add(&epoch);
-        let row = engine.push(&epoch);
-        survey.add(&row);
-        progress.epoch(row.is_fixed(), || streams.share());
-    }
-    progress.finish();
-    if let Some(text) = copies.text(&names) {
-        bail!("{text}");
-    }
-
-    let named = |error: kurs::orientation::geometry::GeometryError| {
-        anyhow::anyhow!("{error} (antennas are counted from 0: {})", names.join(", "))
-    };
-    let array = survey.array().map_err(named).context(
-        "too few epochs are fixed without known geometry; more satellites or bands help, or \
-         measure by hand and compare with `kurs doctor`",
-    )?;
-    if array.fixes == 0 {
-        bail!("no epoch has fixed baselines to all antennas");
-    }
+    let survey = survey_rows(args.quiet, &mut streams, &mut engine, &watch, &names)?;
+    let array = surveyed_array(&survey, &names)?;
     let mut file = OutputFile::create(folder.path(), "array.toml")?;
     file.write_all(block(&array, &names).as_bytes())?;
     file.finish()?;
@@ -100,6 +79,45 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         output::print(format_args!("{told}written to {}\n", array.display()))?;
     }
     Ok(watch.status(ExitCode::SUCCESS))
+}
+
+/// Solves the session without known geometry.
+fn survey_rows(
+    quiet: bool,
+    streams: &mut Streams,
+    engine: &mut Engine,
+    watch: &Watch,
+    names: &[String],
+) -> anyhow::Result<Survey> {
+    let (mut survey, mut copies) = (Survey::new(names.len()), Copies::default());
+    let mut progress = Progress::start(quiet, Work::SURVEY);
+    let mut epoch = ArrayEpoch::default();
+    while !watch.asks_to_end() && streams.next(&mut epoch)? {
+        streams.news(&epoch).iter().for_each(|news| engine.insert(news));
+        copies.add(&epoch);
+        let row = engine.push(&epoch);
+        survey.add(&row);
+        progress.epoch(row.is_fixed(), || streams.share());
+    }
+    progress.finish();
+    if let Some(text) = copies.text(names) {
+        bail!("{text}");
+    }
+    Ok(survey)
+}
+
+fn surveyed_array(survey: &Survey, names: &[String]) -> anyhow::Result<SurveyedArray> {
+    let named = |error: GeometryError| {
+        anyhow::anyhow!("{error} (antennas are counted from 0: {})", names.join(", "))
+    };
+    let array = survey.array().map_err(named).context(
+        "too few epochs are fixed without known geometry; more satellites or bands help, or \
+         measure by hand and compare with `kurs doctor`",
+    )?;
+    if array.fixes == 0 {
+        bail!("no epoch has fixed baselines to all antennas");
+    }
+    Ok(array)
 }
 
 /// `survey.json`.

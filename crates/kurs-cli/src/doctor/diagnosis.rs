@@ -26,54 +26,66 @@ pub(super) fn findings(
     // The others may be fixed well without a receiver that samples apart.
     let is_apart = trials.configured.share_apart() > MANY;
     if fixed_of_session(sample, trials) < WELL || is_apart {
-        let times = patient.times(sample, trials);
-        all.extend(times);
-        all.extend(presence::gaps(sample));
-        all.extend(patient.ephemerides(sample, trials));
-        let bands = patient.bands(sample);
-        let has_bands = bands.is_none();
-        all.extend(bands);
-        let shape = shape::wrong(patient, sample, trials);
-        let is_misshapen = shape.is_some();
-        // Antennas at each other's places turn the body too: that follows.
-        if is_misshapen {
-            all.retain(|finding| finding.code != "mirrored_array");
-        }
-        all.extend(shape);
-        // A wrong shape spoils the integers, and with them what follows from them.
-        if !is_misshapen {
-            all.extend(patient.system(trials));
-            all.extend(patient.band_or_links(trials, sample));
-        }
-        all.extend(patient.obstacles());
-        // Without the antenna that states spoofing nobody does: that follows.
-        if !all.iter().any(|finding| finding.code == "spoofing") {
-            all.extend(patient.antenna(trials));
-        }
-        all.extend(causes::phases(signals));
-        all.extend(patient.noise(trials, is_misshapen));
-        if has_bands {
-            all.extend(patient.satellites(trials));
-        }
-        // An antenna without a part in the rows is a consequence wherever something else is found.
-        if all.is_empty() {
-            all.extend(patient.idle_antenna(trials));
-        }
-        if all.is_empty() {
-            all.extend(patient.strength(trials));
-        }
-        if all.is_empty() {
-            all.extend(unexplained(sample, trials, integers));
-        }
-        if has_bands {
-            all.extend(patient.unused_bands(sample));
-        }
+        add_causes(&mut all, patient, sample, trials, signals, integers);
     }
     if !all.iter().any(|finding| finding.code == "no_common_band") {
         all.extend(presence::unobserved_bands(sample, patient.settings.bands.as_deref()));
     }
     all.extend(presence::broken_files(damage));
     all
+}
+
+/// Adds why little is fixed, or why an antenna has no part.
+fn add_causes(
+    all: &mut Vec<Finding>,
+    patient: &Patient<'_>,
+    sample: &Sample,
+    trials: &Trials,
+    signals: &[UsageRow],
+    integers: &Integers,
+) {
+    let times = patient.times(sample, trials);
+    all.extend(times);
+    all.extend(presence::gaps(sample));
+    all.extend(patient.ephemerides(sample, trials));
+    let bands = patient.bands(sample);
+    let has_bands = bands.is_none();
+    all.extend(bands);
+    let shape = shape::wrong(patient, sample, trials);
+    let is_misshapen = shape.is_some();
+    // Antennas at each other's places turn the body too: that follows.
+    if is_misshapen {
+        all.retain(|finding| finding.code != "mirrored_array");
+    }
+    all.extend(shape);
+    // A wrong shape spoils the integers, and with them what follows from them.
+    if !is_misshapen {
+        all.extend(patient.system(trials));
+        all.extend(patient.band_or_links(trials, sample));
+    }
+    all.extend(patient.obstacles());
+    // Without the antenna that states spoofing nobody does: that follows.
+    if !all.iter().any(|finding| finding.code == "spoofing") {
+        all.extend(patient.antenna(trials));
+    }
+    all.extend(causes::phases(signals));
+    all.extend(patient.noise(trials, is_misshapen));
+    if has_bands {
+        all.extend(patient.satellites(trials));
+    }
+    // An antenna without a part in the rows is a consequence wherever something else is found.
+    if all.is_empty() {
+        all.extend(patient.idle_antenna(trials));
+    }
+    if all.is_empty() {
+        all.extend(patient.strength(trials));
+    }
+    if all.is_empty() {
+        all.extend(unexplained(sample, trials, integers));
+    }
+    if has_bands {
+        all.extend(patient.unused_bands(sample));
+    }
 }
 
 /// Share of the session's epochs that are fixed, gaps included.

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use kurs::engine::Settings;
 use kurs::ephemeris::NavigationData;
+use kurs::observation::{AntennaEpoch, Observation};
 use kurs::point;
 use kurs::signal::{Satellite, Signal};
 use kurs::sky::{Horizon, View};
@@ -66,18 +67,14 @@ pub(super) fn usage(
                     refused: BTreeMap::new(),
                 });
                 row.observed += 1;
-                let (code, phase) = used.get(&key).copied().unwrap_or_default();
+                let used = used.get(&key);
+                let (code, phase) = used.copied().unwrap_or_default();
                 row.code += usize::from(code);
                 row.phase += usize::from(phase);
                 let why = if !settings.wants(o.signal.band) {
                     Some("band not wanted")
-                } else if used.contains_key(&key) {
-                    let unresolved = o.lock.half_cycle_unresolved();
-                    match (o.phase_cycles, unresolved) {
-                        (None, _) => Some("no phase"),
-                        (_, true) => Some("half cycle open"),
-                        _ => None,
-                    }
+                } else if used.is_some() {
+                    without_phase(o)
                 } else if low.contains(&o.satellite) {
                     Some("below the mask")
                 } else if navigation.ephemerides.select(o.satellite, epoch.time).is_none() {
@@ -94,9 +91,18 @@ pub(super) fn usage(
     rows.into_values().collect()
 }
 
+/// Why only the code of a signal has a part.
+fn without_phase(o: &Observation) -> Option<&'static str> {
+    match (o.phase_cycles, o.lock.half_cycle_unresolved()) {
+        (None, _) => Some("no phase"),
+        (_, true) => Some("half cycle open"),
+        _ => None,
+    }
+}
+
 /// Satellites of one antenna below the elevation mask.
 fn below_mask(
-    observed: &kurs::observation::AntennaEpoch,
+    observed: &AntennaEpoch,
     solution: &EpochSolution,
     navigation: &NavigationData,
     settings: &Settings,

@@ -133,6 +133,19 @@ struct Plan {
     choices: Vec<Choice>,
 }
 
+impl Args {
+    /// The length of the plan, by `--to` or `--duration`.
+    fn duration_s(&self, start: GpsTime) -> anyhow::Result<f64> {
+        match self.to {
+            Some(to) if to < start => {
+                Err(UsageError(format!("--to {to} is before the begin, {start}")).into())
+            }
+            Some(to) => Ok(to - start),
+            None => sky::parse_duration_s(&self.duration),
+        }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let input = InputFile::open(&args.array)?;
     let args = &Args { array: input.path().to_owned(), ..args.clone() };
@@ -153,13 +166,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     sky.check(&file.plan.bands()?)?;
     let start = args.at.or(first).unwrap_or_else(|| sky.start());
-    let duration_s = match args.to {
-        Some(to) if to < start => {
-            return Err(UsageError(format!("--to {to} is before the begin, {start}")).into());
-        }
-        Some(to) => to - start,
-        None => sky::parse_duration_s(&args.duration)?,
-    };
+    let duration_s = args.duration_s(start)?;
     let epochs = predict(&file, &array, &sky, start, duration_s)?;
     notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {

@@ -15,6 +15,7 @@ use kurs::observation::AntennaEpoch;
 use kurs_formats::rtcm::Rtcm3Writer;
 use kurs_formats::sbf::SbfWriter;
 use kurs_formats::ubx::UbxWriter;
+use kurs_sim::scenario::Scenario;
 use kurs_sim::simulation::{SimulatedEpoch, Simulation};
 
 use crate::failure::UsageError;
@@ -80,28 +81,7 @@ pub(super) fn send(
     first_port: u16,
     is_quiet: bool,
 ) -> anyhow::Result<usize> {
-    let scenario = simulation.scenario();
-    let bodies = scenario.body.iter().flat_map(|body| &body.antenna).map(|a| a.name.clone());
-    let names: Vec<String> =
-        bodies.chain(scenario.station.iter().map(|s| s.name.clone())).collect();
-    let last_port = usize::from(first_port) + names.len() - 1;
-    if last_port > usize::from(u16::MAX) {
-        let text = format!(
-            "--stream {first_port}: {} streams need ports up to {last_port}, of which {} is the last",
-            names.len(),
-            u16::MAX
-        );
-        return Err(UsageError(text).into());
-    }
-    let listeners = names.iter().zip(first_port..=u16::MAX).map(|(name, port)| {
-        let listener = TcpListener::bind(("127.0.0.1", port));
-        let listener = listener.with_context(|| format!("port {port} for antenna {name}"))?;
-        if !is_quiet {
-            output::print(format_args!("{name}: stream = \"tcp://127.0.0.1:{port}\"\n"))?;
-        }
-        Ok(listener)
-    });
-    let listeners = listeners.collect::<anyhow::Result<Vec<_>>>()?;
+    let listeners = listen(simulation.scenario(), first_port, is_quiet)?;
     let mut receivers: Vec<Receiver> = Vec::new();
     let (mut epoch, mut count) = (SimulatedEpoch::default(), 0);
     let watch = Watch::begin();
@@ -129,6 +109,35 @@ pub(super) fn send(
         count += 1;
     }
     Ok(count)
+}
+
+/// Opens a port for each antenna, a fixed station last, from `first_port` on.
+fn listen(
+    scenario: &Scenario,
+    first_port: u16,
+    is_quiet: bool,
+) -> anyhow::Result<Vec<TcpListener>> {
+    let bodies = scenario.body.iter().flat_map(|body| &body.antenna).map(|a| a.name.clone());
+    let names: Vec<String> =
+        bodies.chain(scenario.station.iter().map(|s| s.name.clone())).collect();
+    let last_port = usize::from(first_port) + names.len() - 1;
+    if last_port > usize::from(u16::MAX) {
+        let text = format!(
+            "--stream {first_port}: {} streams need ports up to {last_port}, of which {} is the last",
+            names.len(),
+            u16::MAX
+        );
+        return Err(UsageError(text).into());
+    }
+    let listeners = names.iter().zip(first_port..=u16::MAX).map(|(name, port)| {
+        let listener = TcpListener::bind(("127.0.0.1", port));
+        let listener = listener.with_context(|| format!("port {port} for antenna {name}"))?;
+        if !is_quiet {
+            output::print(format_args!("{name}: stream = \"tcp://127.0.0.1:{port}\"\n"))?;
+        }
+        Ok(listener)
+    });
+    listeners.collect()
 }
 
 /// Waits for somebody to send to; `None` if the wait is interrupted.

@@ -75,6 +75,43 @@ struct BandFields {
     strength: u64,
 }
 
+/// The numbers of one satellite as the message has them.
+struct SatelliteFields {
+    number: u8,
+    /// The frequency channel, which only GLONASS has.
+    channel: Option<i8>,
+    /// The range of the first band.
+    range_m: f64,
+    first: BandFields,
+    second: Option<BandFields>,
+}
+
+impl SatelliteFields {
+    /// Reads the next satellite; `None` if the message ends before it does.
+    fn read(reader: &mut BitReader<'_>, layout: Layout) -> Option<Self> {
+        let is_glonass = layout.system == System::Glonass;
+        let number = u8::try_from(reader.take(6)).ok()?;
+        let code = reader.take(1);
+        let channel = if is_glonass { i8::try_from(reader.take(5)).ok() } else { None };
+        let range = reader.take(if is_glonass { 25 } else { 24 });
+        let (phase_less_range, lock) = (reader.take(20), reader.take(7));
+        let whole = reader.take(if is_glonass { 7 } else { 8 });
+        let strength = reader.take(8);
+        let modulus_m = if is_glonass { GLONASS_MODULUS_MS } else { 1.0 } * MS_M;
+        let range_m = range as f64 * RANGE_M + whole as f64 * modulus_m;
+        let first = BandFields { code, range: Some(range_m), phase_less_range, lock, strength };
+        let second = layout.has_second_band.then(|| {
+            let code = reader.take(2);
+            let difference = sign_extended(reader.take(14), 14);
+            let range = (difference != -8192).then_some(range_m + difference as f64 * RANGE_M);
+            let (phase_less_range, lock) = (reader.take(20), reader.take(7));
+            BandFields { code, range, phase_less_range, lock, strength: reader.take(8) }
+        });
+        let channel = channel.filter(|channel| (0..=13).contains(channel)).map(|c| c - 7);
+        reader.is_whole().then_some(Self { number, channel, range_m, first, second })
+    }
+}
+
 impl Memory {
     /// Reads the observations of a message; `None` if it is shorter than its count says.
     pub(super) fn read(
@@ -90,44 +127,18 @@ impl Memory {
         reader.take(layout.time_bits() + 1);
         let count = reader.take(5);
         reader.take(1 + 3); // smoothing
-        let is_glonass = layout.system == System::Glonass;
         for _ in 0..count {
-            let number = u8::try_from(reader.take(6)).ok()?;
-            let first_code = reader.take(1);
-            let channel = if is_glonass { reader.take(5) } else { 0 };
-            let range = reader.take(if is_glonass { 25 } else { 24 });
-            let (phase_less_range, lock) = (reader.take(20), reader.take(7));
-            let whole = reader.take(if is_glonass { 7 } else { 8 });
-            let strength = reader.take(8);
-            let modulus_m = if is_glonass { GLONASS_MODULUS_MS } else { 1.0 } * MS_M;
-            let range_m = range as f64 * RANGE_M + whole as f64 * modulus_m;
-            let first = BandFields {
-                code: first_code,
-                range: Some(range_m),
-                phase_less_range,
-                lock,
-                strength,
-            };
-            let second = layout.has_second_band.then(|| {
-                let code = reader.take(2);
-                let difference = sign_extended(reader.take(14), 14);
-                let range = (difference != -8192).then_some(range_m + difference as f64 * RANGE_M);
-                let (phase_less_range, lock) = (reader.take(20), reader.take(7));
-                BandFields { code, range, phase_less_range, lock, strength: reader.take(8) }
-            });
-            if !reader.is_whole() {
-                return None;
+            let fields = SatelliteFields::read(&mut reader, layout)?;
+            let Some(satellite) = satellite(layout.system, fields.number) else { continue };
+            if let Some(channel) = fields.channel {
+                glonass_channels.insert(fields.number, channel);
             }
-            let Some(satellite) = satellite(layout.system, number) else { continue };
-            if let (true, Ok(channel @ 0..=13)) = (is_glonass, i8::try_from(channel)) {
-                glonass_channels.insert(number, channel - 7);
-            }
-            let channel = glonass_channels.get(&number).copied();
-            for (digit, band) in [(1, Some(first)), (2, second)] {
+            let channel = glonass_channels.get(&fields.number).copied();
+            for (digit, band) in [(1, Some(&fields.first)), (2, fields.second.as_ref())] {
                 let Some(band) = band else { continue };
                 let signal =
                     Signal::new(satellite.system, digit, attribute(satellite, digit, band.code));
-                let read = self.observation(satellite, signal, range_m, &band, time, channel);
+                let read = self.observation(satellite, signal, fields.range_m, band, time, channel);
                 observations.extend(read.filter(|o| !is_empty(o)));
             }
         }
