@@ -11,12 +11,11 @@ use crate::page::laid_out;
 /// 1970-01-01 to the first day of GPS time, s: plots count from there.
 const GPS_EPOCH_S: i64 = 315_964_800;
 const NS_PER_MS: i64 = 1_000_000;
-/// A line is broken where the time to the next value is so many times the usual one: nothing
-/// between.
+/// A line is broken where the time to the next value is longer than this many usual ones.
 const BREAK: f64 = 1.5;
 /// Share of the map's width that its scale takes, at most.
 const MAX_SCALE_SHARE: f64 = 0.25;
-/// A map goes so many times its extent to either side of its middle.
+/// How far a map goes to either side of its middle, in extents of what it shows.
 const MAP_MARGIN: f64 = 0.62;
 /// Colour of what is written into a map.
 const INK: &str = "#222222";

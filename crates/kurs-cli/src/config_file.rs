@@ -57,7 +57,7 @@ pub(crate) fn parse_with<T: DeserializeOwned>(
 /// A table in its typed form; what is wrong with it otherwise.
 pub(crate) fn typed<T: DeserializeOwned>(table: &toml::Table) -> Result<T, String> {
     let text = toml::to_string(table).map_err(|error| error.to_string())?;
-    // The line is one of a text that nobody has written.
+    // The line number is left out: it counts in a text that the user has not written.
     parse(&text, "")
         .map_err(|UsageError(what)| what.splitn(3, ':').last().unwrap_or("").trim().to_owned())
 }

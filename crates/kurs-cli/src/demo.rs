@@ -73,7 +73,7 @@ fn run_live(args: &Args) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// The first of so many ports in a row that are free now.
+/// The first of `count` ports in a row that are free now.
 fn free_ports(count: u16) -> anyhow::Result<u16> {
     const TRIES: usize = 100;
     for _ in 0..TRIES {

@@ -163,7 +163,7 @@ impl Page {
         self.place(plot, "plot time", "");
     }
 
-    /// A plot over time that is only as high as so many lines.
+    /// A plot over time that is only as high as its number of lines.
     pub(crate) fn time_plot_of_lines(&mut self, plot: &Plot, lines: usize) {
         let style = format!(" style=\"height:{}em\"", 8 + 2 * lines);
         self.place(plot, "plot time", &style);

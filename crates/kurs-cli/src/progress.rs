@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 /// Time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(5);
-/// Drawing is slower than solving: the clock is looked at only after so many epochs.
+/// Epochs between looks at the clock: drawing is slower than solving.
 const EPOCHS_BETWEEN_LOOKS: u64 = 64;
 /// A rest of the work is told from this share of it on; before, it would be a guess.
 const MIN_SHARE_FOR_REST: f64 = 0.01;

@@ -7,8 +7,8 @@ use crate::report::span;
 use crate::session_span::SessionSpan;
 
 const NAMES: [&str; 3] = ["heading", "pitch", "roll"];
-/// A heading that spreads by so many of its standard deviations, and by more, is one that turns:
-/// what is left of reflections in a body at rest does not go so far.
+/// Spread of a heading, in its standard deviations, from which on the body turns: reflections at
+/// rest leave less.
 const MIN_TURN_SIGMAS: f64 = 5.0;
 
 /// See the module; fed row by row.

@@ -25,7 +25,7 @@ const MAX_READING: f64 = 1e9;
 
 /// Usable rows at the beginning of a log whose times are looked at.
 const LOOKED_AT: usize = 200;
-/// Where so many of them, and a quarter, go back in time, the log has no order.
+/// Where this many samples, and a quarter of all, go back in time, the log has no order.
 const MAX_BACKWARDS: usize = 10;
 /// Times between samples that sensors have: 100 kHz to 1 Hz.
 const MIN_STEP_S: f64 = 1e-5;

@@ -12,8 +12,7 @@ pub(crate) const MAGIC: [u8; 2] = [0x1f, 0x9d];
 /// Width of the first codes; the greatest there is.
 const MIN_WIDTH: u32 = 9;
 const MAX_WIDTH: u32 = 16;
-/// Codes of a width come in groups of so many: what is left of a group is skipped where the width
-/// changes.
+/// Codes in a group, all of one width: the rest of a group is skipped where the width changes.
 const GROUP: u32 = 8;
 /// Bits of the third byte.
 const WIDTH_BITS: u8 = 0x1f;

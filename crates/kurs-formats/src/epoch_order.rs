@@ -44,14 +44,14 @@ impl<E: RawEpochs> Ordered<E> {
         Self { raw, place: 0, order: EpochOrder::default() }
     }
 
-    /// The same of a stream, whose first epochs nobody waits to have confirmed.
+    /// For a stream, whose first epochs come out without waiting for confirmation.
     pub(crate) fn prompt(raw: E) -> Self {
         let order = EpochOrder { is_prompt: true, ..EpochOrder::default() };
         Self { order, ..Self::new(raw) }
     }
 
-    /// The same of a stream that nobody but its receiver can set right: where the receiver's clock
-    /// is set back, its epochs come out at their earlier times once several have confirmed it.
+    /// For a stream whose receiver alone can correct its clock: where the clock is set back, epochs
+    /// come out at their earlier times once several have confirmed it.
     pub(crate) const fn follow_clock_set_back(&mut self) {
         self.order.follows_set_back = true;
     }

@@ -9,8 +9,7 @@ use twox_hash::XxHash3_64;
 /// Bytes of a file that are read at once.
 const PIECE: usize = 1 << 16;
 
-/// Size and hash of a file's bytes as they stand in it: contents are told apart that nobody has
-/// made alike on purpose.
+/// Size and hash of a file's bytes as stored: tells contents apart, if not against forgery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Fingerprint {
     /// Bytes.

@@ -1,6 +1,6 @@
 //! Numbers and words of JSON.
 
-/// With so many decimals; `null` for what is not known, because JSON has no other word.
+/// A number with `decimals` decimals; `null` for what is not known.
 pub(crate) fn number(value: Option<f64>, decimals: usize) -> String {
     let finite = value.filter(|value| value.is_finite());
     // Adding zero takes the sign from a zero.

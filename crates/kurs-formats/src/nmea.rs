@@ -244,7 +244,7 @@ fn place(position: &PositionEstimate, decimals: usize) -> String {
     )
 }
 
-/// `ddmm.mmmmmmm` with so many decimals and the sign left out.
+/// `ddmm.mmmmmmm` with `decimals` decimals of the minutes, the sign left out.
 fn degrees_minutes(angle_rad: f64, width: usize, decimals: usize) -> String {
     let scale = 10f64.powf(decimals as f64);
     let minutes = (angle_rad.abs().to_degrees() * 60.0 * scale).round() / scale;

@@ -12,7 +12,7 @@ use crate::session_span::SessionSpan;
 const SAME_RATE: f64 = 1.5;
 /// Fewer epochs than this tell no rate.
 const MIN_EPOCHS: u64 = 10;
-/// Antennas that have so many of their epochs without the others do not sample with them.
+/// Share of an antenna's epochs without the others above which it does not sample with them.
 const MOSTLY: f64 = 0.5;
 
 /// See the module; fed epoch by epoch.

@@ -20,7 +20,7 @@ const BETTER_FIT: f64 = 0.7;
 const NOISY: f64 = 4.0;
 /// An antenna whose residuals are this many times larger than those of the others.
 const WORSE_THAN_OTHERS: f64 = 2.5;
-/// Signals at an antenna that are behind something: with so many there are none to spare.
+/// Share of an antenna's signals behind something above which none is left to spare.
 const MANY_HIDDEN: f64 = 0.1;
 /// Fewer satellites than this are few, even with the geometry known.
 const FEW_SATELLITES: usize = 5;

@@ -64,7 +64,7 @@ fn add_causes(
         all.extend(patient.band_or_links(trials, sample));
     }
     all.extend(patient.obstacles());
-    // Without the antenna that states spoofing nobody does: that follows.
+    // Without the antenna that states spoofing no statement is left: that follows.
     if !all.iter().any(|finding| finding.code == "spoofing") {
         all.extend(patient.antenna(trials));
     }

@@ -122,7 +122,7 @@ impl Patient<'_> {
     }
 }
 
-/// Wanted bands that nobody has, beside others that are there.
+/// Wanted bands that no antenna has, beside others that are observed.
 pub(super) fn unobserved_bands(sample: &Sample, bands: Option<&[Band]>) -> Option<Finding> {
     let mut unobserved = UnobservedBands::of(bands);
     sample.epochs.iter().chain(&sample.alone).for_each(|epoch| unobserved.add(epoch));

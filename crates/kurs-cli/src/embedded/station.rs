@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use kurs::observation::AntennaEpoch;
 use kurs::time::GpsTime;
 
-/// A station that is ahead of all antennas must not gather, where nobody waits for it.
+/// Epochs of a station that are kept where rows do not wait for it: it may be ahead of them.
 const MAX_WAITING: usize = 64;
 
 /// See the module.

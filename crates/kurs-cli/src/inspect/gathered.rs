@@ -34,7 +34,7 @@ pub(super) struct Gathered {
     pub(super) satellites: BTreeMap<Satellite, Vec<(Signal, Option<u64>)>>,
     /// Epochs whose receiver clock offset is stated and not applied.
     pub(super) clock_offsets: u64,
-    /// GLONASS satellites whose frequency nobody tells.
+    /// GLONASS satellites without a known frequency.
     pub(super) without_channel: BTreeSet<Satellite>,
     epochs: u64,
     /// Phases of one satellite in one epoch.

@@ -44,7 +44,7 @@ pub(super) struct Epochs {
 }
 
 impl Epochs {
-    /// `kept_every`: each stands for so many.
+    /// `kept_every`: epochs that each sample stands for.
     pub(super) fn new(samples: Vec<Sample>, kept_every: usize) -> Self {
         let clock = Clock::new(samples.iter().map(|sample| sample.time)).thinned(kept_every);
         Self { samples, clock }

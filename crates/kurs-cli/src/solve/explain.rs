@@ -116,7 +116,7 @@ impl Loaded {
         Section { place, header, keys }
     }
 
-    /// Why a key that nobody set has its value.
+    /// Why a key that was not set has its value.
     fn default_of(&self, place: &str, key: &str) -> String {
         let has_places = self.config.antenna.iter().all(|antenna| antenna.position_m.is_some());
         match (place, key, has_places) {

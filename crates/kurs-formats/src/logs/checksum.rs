@@ -26,7 +26,7 @@ pub(crate) fn crc16_ccitt(bytes: &[u8]) -> u16 {
 
 /// Division of bits by a polynomial of degree 32 or less, eight bytes at a time.
 struct Division {
-    /// Remainders of every byte with so many bytes of zeros behind it.
+    /// Remainders of every byte with 0 to 7 bytes of zeros behind it.
     remainders: [[u32; 256]; 8],
 }
 

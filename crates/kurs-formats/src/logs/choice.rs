@@ -17,7 +17,7 @@ impl Choice {
         Self { wanted, is_made: wanted.is_some(), found: BTreeSet::new() }
     }
 
-    /// Whether observations of `source` are wanted; `None` if nobody chose and there are several.
+    /// Whether observations of `source` are wanted; `None` if none was chosen of several.
     pub(super) fn takes(&mut self, source: u16) -> Option<bool> {
         self.found.insert(source);
         let is_wanted = *self.wanted.get_or_insert(source) == source;

@@ -268,7 +268,7 @@ impl LogEpochs {
         self.source.wrong_content(text, expected)
     }
 
-    /// Two protocols have observations and nobody chose.
+    /// Two protocols have observations, and none was chosen.
     fn two_protocols(&self, other: Protocol) -> ReadError {
         let found = format!("observations in {} and in {other}", self.protocol);
         let expected =
@@ -306,7 +306,7 @@ impl RawEpochs for LogEpochs {
     }
 }
 
-/// Passes over a message that has no observations for us, and counts those that nobody reads; the
+/// Passes over a message that has no observations for us, and counts those that are not read; the
 /// error is another protocol with observations, where none was chosen.
 fn pass(
     frame: &Frame<'_>,

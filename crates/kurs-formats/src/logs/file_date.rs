@@ -80,7 +80,7 @@ fn day_of_year(year: i32, day: u16) -> Option<GpsTime> {
     (date.calendar().year == year).then_some(date)
 }
 
-/// Noon of a day between 1990, before which nobody logged messages, and 2090.
+/// Noon of a day between 1990 and 2090.
 fn noon(year: i32, month: u8, day: u8) -> Option<GpsTime> {
     let date = Calendar { year, month, day, hour: 12, minute: 0, second: 0.0 };
     GpsTime::from_calendar(date).filter(|_| (1990..2090).contains(&year))

@@ -60,9 +60,9 @@ const UBX_PAYLOAD_MAX: usize = 8192;
 
 /// What the bytes at a place are.
 enum Judgement {
-    /// A message of so many bytes, framing included, with a good checksum.
+    /// A message with a good checksum, and its length in bytes, framing included.
     Message(Protocol, usize),
-    /// Not before there are so many bytes.
+    /// To be decided when there are this many bytes.
     Undecided(usize),
     NoMessage,
 }

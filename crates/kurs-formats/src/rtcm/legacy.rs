@@ -22,7 +22,7 @@ const PHASE_M: f64 = 0.0005;
 const STRENGTH_DBHZ: f64 = 0.25;
 /// GLONASS: what the whole part of a range counts, light milliseconds.
 const GLONASS_MODULUS_MS: f64 = 2.0;
-/// Phases less ranges are brought back into their field by so many cycles.
+/// Cycles by which phases less ranges are brought back into their field.
 const ROLLOVER_CYCLES: f64 = 1500.0;
 /// Satellite numbers from here on are those of SBAS, less this and 20.
 const FIRST_SBAS: u8 = 40;

@@ -164,7 +164,7 @@ impl Samples {
         Ok(Self { ahead: VecDeque::new(), log: Some(log) })
     }
 
-    /// Makes so many samples wait, as far as there are any.
+    /// Reads ahead until `count` samples wait, as far as there are any.
     fn read_ahead(&mut self, count: usize) {
         let Some(log) = &mut self.log else { return };
         let missing = count.saturating_sub(self.ahead.len());

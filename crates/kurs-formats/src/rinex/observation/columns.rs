@@ -33,7 +33,7 @@ pub(super) struct Columns {
     /// Every signal once, in the order of its first column.
     pub(super) signals: Vec<Signal>,
     pub(super) columns: Vec<Column>,
-    /// Codes of observations that the version does not have: what they mean nobody knows.
+    /// Codes of observations that the version does not have, so that their meaning is unknown.
     pub(super) unknown: Vec<ObservationCode>,
 }
 

@@ -340,7 +340,7 @@ impl CompactLines {
         let count = types.map_or(0, Vec::len);
         let state = &mut self.satellites[place(satellite)];
         if state.epoch == self.epoch_count {
-            // Whose line is which, nobody can tell.
+            // Twice in one epoch: which line is whose is unknown.
             *state = SatelliteState { epoch: self.epoch_count, ..SatelliteState::default() };
             self.rows.retain(|row| row.satellite != satellite);
             self.lost_behind = true;

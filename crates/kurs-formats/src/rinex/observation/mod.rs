@@ -49,7 +49,7 @@ const EXPECTED: &str = "a RINEX observation file (2.10 to 4.02, also compact or 
 /// * BeiDou's B1I is band 2, also where an old file calls it band 1.
 /// * The digits of the phase are in [`Lock`](kurs::observation::Lock) as they are (bit 2, values
 ///   above 7 too). Slip records mark the next phase of their satellite, and so does a phase that
-///   was lost in damage: nobody has seen its digit.
+///   was lost in damage: its digit is not known.
 /// * Times are converted to the GPS scale (GLONASS files count UTC, BeiDou files BeiDou time).
 /// * Epochs come out with increasing times. One that is not later than the epoch before is
 ///   skipped; one that jumps far ahead is skipped if the next one is earlier.

@@ -12,7 +12,7 @@ use crate::pending_slips::PendingSlips;
 pub(super) struct Satellites {
     /// One for each system, in the order of [`System::ALL`].
     columns: [Columns; System::ALL.len()],
-    /// Systems whose observations nobody wants, in that order.
+    /// Systems whose observations are not wanted, in that order.
     pub(super) passed_over: [bool; System::ALL.len()],
     /// In the order of the file; `None` for a satellite that is skipped.
     pub(super) listed: Vec<Option<Satellite>>,
