@@ -44,7 +44,7 @@ pub(crate) fn parse_with<T: DeserializeOwned>(
     assignments: &[String],
     usual: &str,
 ) -> Result<T, UsageError> {
-    // What is wrong with the file itself is told with its line.
+    // An error in the file itself names its line.
     let mut read: T = parse(text, name)?;
     let mut table: toml::Table = parse(text, name)?;
     for assignment in assignments {

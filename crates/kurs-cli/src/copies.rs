@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use kurs::observation::{AntennaEpoch, ArrayEpoch, Observation};
 
-/// Observation files have three decimals; formats round differently.
+/// Difference of equal values, rounded differently: observation files have three decimals.
 const ROUNDING: f64 = 0.0021;
 /// Equal signals that two receivers never have by chance: the noise of a code is decimetres.
 const MIN_SIGNALS: usize = 4;
@@ -24,7 +24,7 @@ struct Count {
 }
 
 impl Copies {
-    /// Takes the observations of an epoch in; whether all its antennas are one.
+    /// Takes the observations of an epoch in; tells whether all its antennas are one recording.
     pub(crate) fn add(&mut self, epoch: &ArrayEpoch) -> bool {
         let present: Vec<(usize, &AntennaEpoch)> =
             epoch.antennas.iter().enumerate().filter_map(|(i, a)| Some((i, a.as_ref()?))).collect();

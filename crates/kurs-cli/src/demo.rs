@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return run_live(args);
     }
     let Args { out, json, quiet, .. } = args;
-    // What to run next is said by the other command.
+    // The other command says what to run next.
     simulate::run(&simulate::Args::built_in("car", out.clone(), true))?;
     let (configuration, truth) = (out.join("kurs.toml"), out.join("truth.csv"));
     let code =

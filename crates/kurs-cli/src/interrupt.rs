@@ -11,7 +11,7 @@ use crate::output;
 pub(crate) const INTERRUPTED: u8 = 130;
 
 static IS_WANTED: AtomicBool = AtomicBool::new(false);
-/// Runs that look whether an end is wanted.
+/// Number of runs that watch for a request to end.
 static WATCHING: AtomicUsize = AtomicUsize::new(0);
 
 /// Catches the signals from now on; once for a process.

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::failure::UsageError;
 
-/// A hidden folder in which a run makes its files: this, and the number of the process.
+/// Begin of the name of the hidden folder in which a run makes its files; its process id follows.
 const STAGING: &str = ".kurs.part";
 
 /// The file of a run that is given its place last.
@@ -57,7 +57,7 @@ impl Drop for Temporary {
     }
 }
 
-/// What is said of standard output that takes nothing.
+/// The error where standard output takes nothing.
 pub(crate) const UNPRINTED: &str = "standard output: cannot be written";
 
 /// Prints a result: one that does not arrive, as on a full disk, is an error of the command.
@@ -217,7 +217,7 @@ fn refuse_inputs(target: &Path, names: &[&str], inputs: &[PathBuf]) -> Result<()
     Ok(())
 }
 
-/// What a file is called when its run is done: without the hidden folder in which it is made.
+/// Name of a file when its run is done: without the hidden folder in which it is made.
 fn published(file: &Path) -> String {
     let is_staging = |part: &Component| part.as_os_str().to_string_lossy().starts_with(STAGING);
     let parts = file.components().filter(|part| !is_staging(part));

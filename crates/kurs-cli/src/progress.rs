@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 const LINE_EVERY: Duration = Duration::from_secs(5);
 /// Epochs between looks at the clock: drawing is slower than solving.
 const EPOCHS_BETWEEN_LOOKS: u64 = 64;
-/// A rest of the work is told from this share of it on; before, it would be a guess.
+/// Share of the work from which on the rest is shown; before, it would be a guess.
 const MIN_SHARE_FOR_REST: f64 = 0.01;
 /// Parts of the bar.
 const PARTS: u64 = 1000;
@@ -92,7 +92,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away and tells how long it took, s.
+    /// Takes the bar away; returns how long the work took, s.
     pub(crate) fn finish(self) -> f64 {
         if let Kind::Bar(bar) = &self.kind {
             bar.finish_and_clear();

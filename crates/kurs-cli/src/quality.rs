@@ -61,7 +61,7 @@ impl Quality {
         if !deviations.is_empty() {
             lines.push(format!("usual standard deviation: {}", deviations.join(", ")));
         }
-        // The coordinates that `orient` reads do not tell of satellites.
+        // The coordinates that `orient` reads have no satellites.
         if let Some((fewest, most, sum, rows)) = self.satellites.filter(|(_, most, ..)| *most > 0) {
             let mean = sum as f64 / rows as f64;
             lines.push(format!("satellites: {mean:.1} on average, {fewest} to {most}"));

@@ -1,5 +1,4 @@
-//! Bands that the configuration names and that no antenna observes: nobody types them to have them
-//! left out.
+//! Bands that the configuration names and that no antenna observes: the user wants to know of them.
 
 use std::collections::BTreeSet;
 

@@ -46,7 +46,7 @@ impl SessionPlan {
         };
         let found = SessionStatus::of_result(&self.label, &self.folder);
         match (reason, found) {
-            // A result whose rows are all lost is one.
+            // A result whose rows are all lost is a result.
             (_, Some(found)) => found,
             (None, None) => SessionStatus::failed(&self.label, "interrupted".to_owned()),
             (Some(reason), None) => {

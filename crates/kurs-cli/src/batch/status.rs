@@ -49,7 +49,7 @@ pub(super) struct SessionStatus {
     summary: Option<Summary>,
 }
 
-/// What is wanted of a summary.json.
+/// The fields of a summary.json that are read.
 #[derive(Debug, Deserialize)]
 pub(super) struct Summary {
     pub(super) configuration_hash: String,
@@ -68,7 +68,7 @@ impl Summary {
     }
 }
 
-/// What is wanted of a failure.json.
+/// The fields of a failure.json that are read.
 #[derive(Debug, Deserialize)]
 struct Failure {
     reason: String,
@@ -118,7 +118,7 @@ impl SessionStatus {
     }
 }
 
-/// Sums up what is there of all sessions, and writes it.
+/// Sums up all sessions by what is in their folders, and writes it.
 pub(super) fn merge(manifest: &Manifest, out: &Path) -> anyhow::Result<Vec<SessionStatus>> {
     let of = |label: &str| SessionStatus::of_folder(label, &folder(out, label));
     let statuses: Vec<_> = manifest.entries.iter().map(|entry| of(&entry.label)).collect();

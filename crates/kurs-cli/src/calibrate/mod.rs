@@ -94,18 +94,18 @@ struct Gravity {
     sd_mps2: f64,
 }
 
-/// From the highest mountains of the tropics to the poles, rounded outwards.
+/// Gravity from the highest mountains of the tropics to the poles, rounded outwards.
 const GRAVITY_ON_EARTH_MPS2: core::ops::RangeInclusive<f64> = 9.75..=9.85;
-/// How far gravity is from normal gravity: 50 mGal.
+/// Standard deviation of gravity from normal gravity: 50 mGal.
 const GRAVITY_ANOMALY_SD_MPS2: f64 = 5e-4;
-/// How far it is from that of 45° anywhere on the Earth.
+/// Standard deviation of gravity anywhere on the Earth from that at 45°.
 const GRAVITY_ANYWHERE_SD_MPS2: f64 = 0.018;
 
 /// Residuals of a pose up to this are noise, or what is not linear in a good sensor …
 const MAX_MISFIT_MPS2: f64 = 0.02;
 /// … or this many standard deviations of its mean.
 const MAX_MISFIT_SIGMAS: f64 = 5.0;
-/// What no gyro reads at rest: 20°/s, 0.35 rad/s, are allowed to cheap ones (MPU-6000 specification
+/// Rate that no gyro reads at rest: cheap ones may read 20°/s, 0.35 rad/s (MPU-6000 specification
 /// 3.4, 6.1).
 const MAX_BIAS_RADPS: f64 = 1.0;
 
@@ -429,9 +429,9 @@ fn checked_bias(file: &Path, samples: &[Vector3<f64>]) -> anyhow::Result<GyroBia
 /// The noise of each axis by its Allan deviation.
 struct GyroNoise {
     curves: Vec<Vec<AllanPoint>>,
-    /// rad/s/√Hz
+    /// Noise density, rad/s/√Hz.
     density: [f64; 3],
-    /// rad/s
+    /// Bias instability, rad/s.
     instability: [f64; 3],
 }
 

@@ -10,7 +10,7 @@ use crate::session_span::SessionSpan;
 
 /// Intervals further apart than this factor are different rates.
 const SAME_RATE: f64 = 1.5;
-/// Fewer epochs than this tell no rate.
+/// Epochs that a rate needs.
 const MIN_EPOCHS: u64 = 10;
 /// Share of an antenna's epochs without the others above which it does not sample with them.
 const MOSTLY: f64 = 0.5;

@@ -14,11 +14,11 @@ use super::shape::PROVEN;
 use super::trials::Trials;
 use super::usage::UsageRow;
 
-/// Phases that fit better by this factor.
+/// Ratio of residuals below which phases fit better.
 const BETTER_FIT: f64 = 0.7;
 /// Residuals this many times larger than the noise model says are reflections or worse.
 const NOISY: f64 = 4.0;
-/// An antenna whose residuals are this many times larger than those of the others.
+/// Ratio of an antenna's residuals to those of the others from which on it is worse.
 const WORSE_THAN_OTHERS: f64 = 2.5;
 /// Share of an antenna's signals behind something above which none is left to spare.
 const MANY_HIDDEN: f64 = 0.1;

@@ -79,7 +79,7 @@ const OUTPUTS: &[&str] = &["doctor.json", "report.html"];
 /// What was found in a session.
 struct Examination {
     sample: Sample,
-    /// Absent where the files themselves tell everything.
+    /// Absent where the files themselves explain everything.
     trials: Option<Trials>,
     /// As configured.
     integers: Integers,

@@ -8,14 +8,14 @@ use super::patient::{Finding, MANY, MENDED, Patient};
 use super::sample::Sample;
 use super::trials::{Trial, Trials};
 
-/// What `position_m` may have been written in, by its metres.
+/// Units in which `position_m` may have been written, with their length, m.
 const UNITS: [(&str, f64); 4] =
     [("millimetres", 1e-3), ("centimetres", 1e-2), ("feet", 0.3048), ("inches", 0.0254)];
-/// Rulers and feet agree with the data to this share.
+/// Relative error within which a length in another unit agrees with the data.
 const UNIT_TOLERANCE: f64 = 0.03;
 /// A shorter baseline means two receivers on one antenna.
 const ZERO_M: f64 = 0.02;
-/// Slower bodies have no course.
+/// Speed from which on a body has a course.
 const MIN_SPEED_MPS: f64 = 2.0;
 /// Epochs of a body that moves, of which this share shows where its front is.
 const MIN_MOVING: usize = 10;

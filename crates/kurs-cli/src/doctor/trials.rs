@@ -19,7 +19,7 @@ use super::sample::Sample;
 /// Arrays thinner than this are flat: their mirror image is themselves, turned.
 const MIN_THICKNESS_M: f64 = 0.03;
 
-/// A way to solve the sample, and what came of it.
+/// A way to solve the sample, and its rows.
 pub(super) struct Trial {
     pub(super) name: String,
     pub(super) rows: Vec<EpochSolution>,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::truth::{Truth, difference_deg};
 
-/// A filter is compared with the truth from so long after its first row.
+/// Time from the first row of a filter until it is compared with the truth, s.
 const SETTLED_S: f64 = 10.0;
 
 /// Sums of squares over the compared rows.

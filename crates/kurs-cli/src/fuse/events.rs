@@ -1,4 +1,4 @@
-//! What happened in a run of a filter: told at once, and kept for the summary.
+//! Events in a run of a filter: printed at once, and kept for the summary.
 
 use kurs::fusion::health::Event;
 

@@ -12,7 +12,7 @@ use kurs::signal::{Satellite, Signal};
 /// second between the epochs.
 const JUMP_M: f64 = 0.05;
 const JUMP_MPS: f64 = 0.002;
-/// Over a longer time nothing can be said.
+/// Longest step over which jumps can be seen, s.
 const LONGEST_STEP_S: f64 = 120.0;
 
 /// A phase of one satellite in one epoch.

@@ -257,7 +257,7 @@ fn inspect(file: &Path, known: &Known) -> Result<Vec<Report>, ReadError> {
             let census = logs::census(&mut source)?;
             if census.parts.len() > 1 {
                 let parts = census.parts.iter().enumerate();
-                // The messages are told once.
+                // The messages are listed once.
                 let messages = |index| (index == 0).then_some(&census);
                 return parts.map(|(i, part)| observations(Some(*part), messages(i))).collect();
             }

@@ -1,4 +1,4 @@
-//! What a header says that the observations do not bear out, or leaves unsaid.
+//! What a header says against its observations, or leaves unsaid.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use kurs_formats::rinex::observation::ObservationHeader;
 use super::gathered::Gathered;
 use super::sky::SkyReport;
 
-/// The position in the file and the one of the code observations differ by more: m.
+/// Distance of the position in the file from that of the code observations that is odd, m.
 const FAR_M: f64 = 200.0;
 
 /// Each oddity in one sentence.

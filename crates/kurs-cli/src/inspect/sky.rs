@@ -12,12 +12,12 @@ use kurs::sky::{Horizon, NoiseModel, View};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
-/// Time between two looks at the sky, at least: s.
+/// Least time between two looks at the sky, s.
 const STEP_S: f64 = 60.0;
 /// Width of a ring of the sky.
 const RING_DEG: f64 = 15.0;
 const RINGS: usize = 6;
-/// What a signal takes from the satellites to here.
+/// Travel time of a signal from a satellite.
 const TRAVEL_S: f64 = 0.075;
 /// Noise for the position; only its weights count here.
 const NOISE: NoiseModel = NoiseModel {

@@ -198,7 +198,7 @@ fn epochs(mut fixes: Vec<PositionFix>, config: &Config) -> Vec<PositionEpoch> {
     let orient = &config.orient;
     let default_sd = [orient.sd_north_m, orient.sd_east_m, orient.sd_down_m];
     fixes.sort_by_key(|fix| (fix.time, fix.antenna));
-    // Some receivers tell the same position under two talkers.
+    // Some receivers send the same position under two talkers.
     fixes.dedup_by_key(|fix| (fix.time, fix.antenna));
     let mut epochs: Vec<PositionEpoch> = Vec::new();
     let is_later = |time: GpsTime, first: GpsTime| time - first > orient.match_window_s;

@@ -69,7 +69,7 @@ pub(super) enum Origin {
     Solve,
     /// The observations of the configuration.
     Observations,
-    /// Nothing says it.
+    /// Stated nowhere.
     Assumed,
 }
 
@@ -316,7 +316,7 @@ impl ArrayFile {
         self.antenna.iter().flat_map(|antenna| &antenna.obs)
     }
 
-    /// Takes over what the observations tell and nothing in the file says.
+    /// Takes from the observations what the file does not state.
     pub(super) fn fill(&mut self, session: &Session) {
         let Self { plan, origins, .. } = self;
         let mut fill = |key: &'static str, is_told: bool| {

@@ -26,13 +26,13 @@ use crate::truth::difference_deg;
 
 const ONE_SIGMA: &str = "rgba(86,180,233,0.45)";
 const THREE_SIGMA: &str = "rgba(86,180,233,0.20)";
-/// Residuals from here on have the last colour of the scale.
+/// Residual from which on the last colour of the scale is used, mm.
 const MAX_COLOUR_MM: f64 = 8.0;
-/// What is missing of a signal has the last colour from here on.
+/// Missing strength of a signal from which on the last colour is used, dB.
 const MAX_COLOUR_DB: f64 = 12.0;
-/// An angle less certain than this says nothing; bands as wide would hide all others.
+/// Standard deviation up to which an angle has a band, degrees: wider ones would hide all others.
 const MAX_BAND_SD_DEG: f64 = 60.0;
-/// What changes by less is one number, not a curve.
+/// Change of the success rate up to which it is one number, not a curve.
 const SUCCESS_RATE_TOLERANCE: f64 = 5e-4;
 /// Times at which the sky is drawn.
 const SKY_INSTANTS: usize = 60;

@@ -322,7 +322,7 @@ impl RefractionConfig {
 }
 
 impl SimulateConfig {
-    /// Points that are made.
+    /// Greatest number of simulated points.
     const MOST_POINTS: f64 = 1e5;
 
     fn check(&self) -> Result<(), UsageError> {

@@ -81,7 +81,7 @@ fn from_tdm(config: &Config, name: &str, text: &str) -> anyhow::Result<Vec<Obser
 fn check(measurement: &Measurement) -> anyhow::Result<()> {
     /// What is off by more standard deviations than this is not noise.
     const SIGMAS: f64 = 5.0;
-    /// To beyond the planets.
+    /// Longest range, m: beyond the planets.
     const LONGEST_M: f64 = 1e13;
     let Measurement { quantity, value, sigma, .. } = *measurement;
     let [least, most] = match quantity {

@@ -17,7 +17,7 @@ use crate::fuse::imu::ImuConfig;
 const DEGREES_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 /// √h in √s.
 const SQRT_HOUR: f64 = 60.0;
-/// What a gyro bias from a rest has of the Earth's rate in it, °/h.
+/// Rate of the Earth, °/h, some of which is in a gyro bias from a rest.
 const EARTH_RATE_DEGPH: f64 = 15.04;
 
 /// `kurs fuse CONFIG.toml` with `[antennas]` and `[imu]`.

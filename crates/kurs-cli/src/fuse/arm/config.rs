@@ -375,7 +375,7 @@ impl Config {
         if let Some((key, value)) = not_negative.iter().find(|(_, v)| v.is_nan() || *v < 0.0) {
             return Err(UsageError(format!("{key}: {value} found, 0 or more expected")));
         }
-        // An arm that does not turn tells nothing of the attitude.
+        // An arm that does not turn does not show the attitude.
         if !(0.01..=100.0).contains(&self.arm.rate_hz.abs()) {
             let found = self.arm.rate_hz;
             let text = format!("arm.rate_hz: {found} found, 0.01 to 100 turns a second expected");
