@@ -274,7 +274,7 @@ impl StationConfig {
 
 impl TrackConfig {
     fn check(&self) -> Result<(), UsageError> {
-        // As far as the smoother goes together for its start.
+        // As long as the smoother takes together for its start.
         const LONGEST_SAME_TIME_S: f64 = 60.0;
         check("track.jerk_mps2_per_sqrt_s", self.jerk_mps2_per_sqrt_s, [1e-9, 1e6])?;
         check("track.outlier_probability", self.outlier_probability, [0.0, 1.0])?;
