@@ -123,6 +123,9 @@ pub enum SettingsError {
     /// A constraint needs the positions of the antennas.
     #[error("a constraint needs the position of every antenna")]
     ConstraintWithoutPositions,
+    /// Each band counts once.
+    #[error("bands: {0} is given twice")]
+    RepeatedBand(Band),
     /// A number outside its range.
     #[error("{field} is {found}, expected {low} to {high}")]
     OutOfRange {
@@ -159,6 +162,10 @@ impl Settings {
             }
             Some(array) => array.check_extent()?,
             None => {}
+        }
+        let bands = self.bands.as_deref().unwrap_or_default();
+        if let Some(k) = (0..bands.len()).find(|k| bands[..*k].contains(&bands[*k])) {
+            return Err(SettingsError::RepeatedBand(bands[k]));
         }
         let within = |field, found: f64, low: f64, high: f64| {
             let is_inside = (low..=high).contains(&found);
