@@ -1,8 +1,8 @@
 //! How accurate an array will be, before anybody drills a hole: three antennas, the third one closer or farther.
 //!
-//! With the integers found, the information on the attitude is that of all antennas about their mean,
-//! `I = Σ [aᵢ − ā]×ᵀ N [aᵢ − ā]×`, where `N` follows from the directions to the satellites and the noise of the
-//! phases alone. How often one epoch finds its integers follows from code and phases of one baseline.
+//! With the integers found, the baselines from the first antenna have the covariance `(I + 11ᵀ) ⊗ (N⁻¹ + s² I)`, where
+//! `N` follows from the directions to the satellites and the noise of the phases alone, and `s` is how well the antennas
+//! were surveyed. How often one epoch finds its integers follows from code and phases of one baseline.
 //!
 //! ```text
 //! $ cargo run -p kurs --example 05_plan_an_array
@@ -18,6 +18,7 @@ mod recording;
 
 use std::error::Error;
 
+use kurs::engine::Settings;
 use kurs::prediction::{Sight, attitude_accuracy, baseline_success_rate};
 use kurs::sky::{Horizon, View};
 use kurs::{AntennaArray, Attitude, Band, Geodetic, GpsTime, System, Vector};
@@ -34,12 +35,15 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
             Vector::new(1.0, 0.0, 0.0),
             Vector::new(0.5, width_m, 0.0),
         ])?;
-        let accuracy = attitude_accuracy(&array, &level, &sights).ok_or("too few satellites")?;
+        // The antennas are where the tape measure has them to 2 mm.
+        let settings = Settings { antennas: 3, array: Some(array), ..Settings::default() };
+        let accuracy = attitude_accuracy(&settings, &level, &sights).ok_or("too few satellites")?;
+        let [heading_deg, pitch_deg, roll_deg] =
+            [accuracy.heading_sd_rad, accuracy.pitch_sd_rad, accuracy.roll_sd_rad]
+                .map(|sd_rad| sd_rad.map(f64::to_degrees).ok_or("antennas on one line"));
         println!(
             "width {width_m} m: heading {:.2}°, pitch {:.2}°, roll {:.2}°",
-            accuracy.heading_sd_rad.to_degrees(),
-            accuracy.pitch_sd_rad.to_degrees(),
-            accuracy.roll_sd_rad.ok_or("antennas on one line")?.to_degrees()
+            heading_deg?, pitch_deg?, roll_deg?
         );
     }
     Ok(())
@@ -60,6 +64,7 @@ fn sky(place: Geodetic, mask_rad: f64) -> Result<Vec<Sight>, Box<dyn Error>> {
         let elevation_rad = horizon.direction(view.line_of_sight).elevation_rad();
         if elevation_rad > mask_rad {
             sights.push(Sight {
+                satellite: elements.satellite,
                 direction: horizon.ned_from_ecef() * view.line_of_sight,
                 band,
                 wavelength_m: band.wavelength_m(None).ok_or("a band without a frequency")?,

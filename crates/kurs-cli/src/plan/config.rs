@@ -3,26 +3,27 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
 use kurs::array::AntennaArray;
-use kurs::frames::{Geodetic, Vector};
+use kurs::frames::{Attitude, Geodetic};
 use kurs::selection::{Baselines, Criterion, Graph};
 use kurs::signal::Band;
 use kurs::sky::NoiseModel;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 use super::session::Session;
 use crate::config_file::{self, check_range};
 use crate::failure::UsageError;
 use crate::pipe;
+use crate::solve::config::Config;
 
 /// Keys of `[plan]` that something else may say.
-const KEYS: [&str; 9] = [
+const KEYS: [&str; 11] = [
     "latitude_deg",
     "longitude_deg",
     "height_m",
     "heading_deg",
+    "pitch_deg",
+    "roll_deg",
     "elevation_mask_deg",
     "code_sd_m",
     "phase_sd_m",
@@ -30,31 +31,25 @@ const KEYS: [&str; 9] = [
     "bands",
 ];
 
+/// Keys of `[solve]` alone that the plan rests on.
+const KEYS_OF_SOLVE: [&str; 3] = ["roll_sd_deg", "max_angle_sd_deg", "max_wrong_fix_rate"];
+
 /// Lengths weigh by their standard deviations; places that `kurs solve` takes for exact are as good
 /// as this.
 const MIN_LENGTH_SD_M: f64 = 1e-6;
 
 /// The file: an array of its own, or the configuration of `kurs solve`.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct ArrayFile {
-    antenna: Vec<AntennaEntry>,
     #[serde(default)]
     pub(super) plan: Settings,
     #[serde(default)]
     pub(super) mask: Vec<BodyMask>,
     #[serde(default)]
     baseline: Vec<BaselineEntry>,
-    #[serde(default)]
-    solve: SolveKeys,
-    #[serde(default)]
-    nav: NavKeys,
-    #[serde(default, rename = "point")]
-    _point: IgnoredAny,
-    #[serde(default, rename = "station")]
-    _station: IgnoredAny,
-    #[serde(default, rename = "antex")]
-    _antex: IgnoredAny,
+    /// All other tables, as `kurs solve` reads them.
+    #[serde(skip)]
+    pub(super) config: Config,
     /// Where the value of each key comes from.
     #[serde(skip)]
     pub(super) origins: BTreeMap<&'static str, Origin>,
@@ -83,32 +78,6 @@ impl Origin {
             Self::Assumed => "assumed",
         }
     }
-}
-
-/// What `[solve]` says about the same things as `[plan]`; its other keys are not the plan's.
-#[derive(Debug, Default, Deserialize)]
-struct SolveKeys {
-    bands: Option<Vec<String>>,
-    elevation_mask_deg: Option<f64>,
-    array_sd_m: Option<f64>,
-    code_sd_m: Option<f64>,
-    phase_sd_m: Option<f64>,
-}
-
-/// `[nav]` of `kurs solve`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct NavKeys {
-    files: Vec<PathBuf>,
-}
-
-/// An antenna; what else `kurs solve` may say of it does not count here.
-#[derive(Debug, Deserialize)]
-struct AntennaEntry {
-    name: String,
-    position_m: Option<[f64; 3]>,
-    #[serde(default)]
-    obs: Vec<PathBuf>,
 }
 
 /// A baseline that is better or worse than the others.
@@ -147,11 +116,13 @@ pub(super) struct Settings {
     pub(super) longitude_deg: f64,
     pub(super) height_m: f64,
     pub(super) heading_deg: f64,
+    pub(super) pitch_deg: f64,
+    pub(super) roll_deg: f64,
     pub(super) elevation_mask_deg: f64,
     /// Standard deviations of one antenna at the zenith.
     pub(super) code_sd_m: f64,
     pub(super) phase_sd_m: f64,
-    /// 1-sigma of the surveyed antenna distances.
+    /// 1-sigma of each coordinate of the antenna places, `array_sd_m` of `[solve]`.
     pub(super) length_sd_m: f64,
     bands: Vec<String>,
     criterion: CriterionName,
@@ -183,6 +154,8 @@ impl Default for Settings {
             longitude_deg: 10.0,
             height_m: 0.0,
             heading_deg: 0.0,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
             elevation_mask_deg: 10.0,
             code_sd_m: 0.3,
             phase_sd_m: 0.003,
@@ -223,13 +196,22 @@ impl Settings {
         }
     }
 
+    /// How the body stands.
+    pub(super) fn attitude(&self) -> Attitude {
+        Attitude {
+            heading_rad: self.heading_deg.to_radians(),
+            pitch_rad: self.pitch_deg.to_radians(),
+            roll_rad: self.roll_deg.to_radians(),
+        }
+    }
+
     pub(super) fn place(&self) -> Geodetic {
         Geodetic::from_degrees(self.latitude_deg, self.longitude_deg, self.height_m)
     }
 
-    pub(super) fn bands(&self) -> anyhow::Result<Vec<Band>> {
+    pub(super) fn bands(&self) -> Result<Vec<Band>, UsageError> {
         let band = |text: &String| {
-            text.parse().map_err(|error| anyhow!(UsageError(format!("plan.bands: {error}"))))
+            text.parse().map_err(|error| UsageError(format!("plan.bands: {error}")))
         };
         self.bands.iter().map(band).collect()
     }
@@ -241,6 +223,8 @@ impl Settings {
             ("longitude_deg", self.longitude_deg, -360.0, 360.0),
             ("height_m", self.height_m, -1e4, 1e6),
             ("heading_deg", self.heading_deg, -360.0, 360.0),
+            ("pitch_deg", self.pitch_deg, -89.0, 89.0),
+            ("roll_deg", self.roll_deg, -180.0, 180.0),
             ("elevation_mask_deg", self.elevation_mask_deg, 0.0, 89.0),
             ("code_sd_m", self.code_sd_m, 1e-3, 1e3),
             ("phase_sd_m", self.phase_sd_m, 1e-6, 1.0),
@@ -260,40 +244,55 @@ impl Settings {
 impl ArrayFile {
     /// Reads the file; keys of `[solve]` hold where `[plan]` does not say otherwise.
     pub(super) fn read(path: &Path, set: &[String]) -> Result<Self, UsageError> {
+        // Keys that nobody knows are refused by the configuration of `kurs solve`, which knows all tables.
+        let config: Config = config_file::read_with(path, set, "plan")?;
         let mut file: Self = config_file::read_with(path, set, "plan")?;
         let table: toml::Table = config_file::read_with(path, set, "plan")?;
-        let is_given = |key: &str| table.get("plan").is_some_and(|plan| plan.get(key).is_some());
-        let Self { plan, solve, origins, .. } = &mut file;
+        let is_given =
+            |of: &str, key: &str| table.get(of).is_some_and(|inner| inner.get(key).is_some());
+        let Self { plan, origins, .. } = &mut file;
         for key in KEYS {
-            origins.insert(key, if is_given(key) { Origin::Plan } else { Origin::Assumed });
+            origins.insert(key, if is_given("plan", key) { Origin::Plan } else { Origin::Assumed });
         }
-        let mut inherit = |key: &'static str, is_there: bool| {
-            let inherits = is_there && !is_given(key);
+        for key in KEYS_OF_SOLVE {
+            let is_given = is_given("solve", key);
+            origins.insert(key, if is_given { Origin::Solve } else { Origin::Assumed });
+        }
+        let mut inherits = |key: &'static str, of_solve: &str| {
+            let inherits = is_given("solve", of_solve) && !is_given("plan", key);
             if inherits {
                 origins.insert(key, Origin::Solve);
             }
             inherits
         };
-        for (key, value, inherited) in [
-            ("elevation_mask_deg", &mut plan.elevation_mask_deg, solve.elevation_mask_deg),
+        let solve = &config.solve;
+        for (key, of_solve, value, inherited) in [
+            (
+                "elevation_mask_deg",
+                "elevation_mask_deg",
+                &mut plan.elevation_mask_deg,
+                solve.elevation_mask_deg,
+            ),
             (
                 "length_sd_m",
+                "array_sd_m",
                 &mut plan.length_sd_m,
-                solve.array_sd_m.map(|sd_m| sd_m.max(MIN_LENGTH_SD_M)),
+                solve.array_sd_m.max(MIN_LENGTH_SD_M),
             ),
-            ("code_sd_m", &mut plan.code_sd_m, solve.code_sd_m),
-            ("phase_sd_m", &mut plan.phase_sd_m, solve.phase_sd_m),
+            ("code_sd_m", "code_sd_m", &mut plan.code_sd_m, solve.code_sd_m),
+            ("phase_sd_m", "phase_sd_m", &mut plan.phase_sd_m, solve.phase_sd_m),
         ] {
-            if inherit(key, inherited.is_some()) {
-                *value = inherited.unwrap_or(*value);
+            if inherits(key, of_solve) {
+                *value = inherited;
             }
         }
-        if inherit("bands", solve.bands.is_some()) {
-            plan.bands = solve.bands.take().unwrap_or_default();
+        if inherits("bands", "bands") {
+            plan.bands = solve.bands.clone().unwrap_or_default();
         }
+        file.config = config;
         let folder = pipe::folder_of(path);
-        file.nav.files.iter_mut().for_each(|nav| *nav = folder.join(&*nav));
-        let obs = file.antenna.iter_mut().flat_map(|antenna| &mut antenna.obs);
+        file.config.nav.files.iter_mut().for_each(|nav| *nav = folder.join(&*nav));
+        let obs = file.config.antenna.iter_mut().flat_map(|antenna| &mut antenna.obs);
         obs.for_each(|obs| *obs = folder.join(&*obs));
         Ok(file)
     }
@@ -313,7 +312,7 @@ impl ArrayFile {
 
     /// Observation files that the file names.
     pub(super) fn observations(&self) -> impl Iterator<Item = &PathBuf> {
-        self.antenna.iter().flat_map(|antenna| &antenna.obs)
+        self.config.antenna.iter().flat_map(|antenna| &antenna.obs)
     }
 
     /// Takes from the observations what the file does not state.
@@ -331,7 +330,9 @@ impl ArrayFile {
             ("latitude_deg", &mut plan.latitude_deg, place.map(|p| p.latitude_rad.to_degrees())),
             ("longitude_deg", &mut plan.longitude_deg, place.map(|p| p.longitude_rad.to_degrees())),
             ("height_m", &mut plan.height_m, place.map(|p| p.height_m)),
-            ("heading_deg", &mut plan.heading_deg, session.heading_deg),
+            ("heading_deg", &mut plan.heading_deg, session.angles_deg[0]),
+            ("pitch_deg", &mut plan.pitch_deg, session.angles_deg[1]),
+            ("roll_deg", &mut plan.roll_deg, session.angles_deg[2]),
             ("code_sd_m", &mut plan.code_sd_m, session.code_sd_m),
             ("phase_sd_m", &mut plan.phase_sd_m, session.phase_sd_m),
         ] {
@@ -352,11 +353,16 @@ impl ArrayFile {
             ("longitude_deg", format!("{longitude_deg:.4}")),
             ("height_m", format!("{height_m:.0}")),
             ("heading_deg", format!("{:.1}", self.plan.heading_deg)),
+            ("pitch_deg", format!("{:.1}", self.plan.pitch_deg)),
+            ("roll_deg", format!("{:.1}", self.plan.roll_deg)),
             ("bands", bands.join(" ")),
             ("elevation_mask_deg", self.plan.elevation_mask_deg.to_string()),
             ("code_sd_m", format!("{:.3}", self.plan.code_sd_m)),
             ("phase_sd_m", format!("{:.4}", self.plan.phase_sd_m)),
             ("length_sd_m", self.plan.length_sd_m.to_string()),
+            ("roll_sd_deg", self.config.solve.roll_sd_deg.to_string()),
+            ("max_angle_sd_deg", self.config.solve.max_angle_sd_deg.to_string()),
+            ("max_wrong_fix_rate", self.config.solve.max_wrong_fix_rate.to_string()),
         ];
         let origin = |key: &str| self.origins.get(key).copied().unwrap_or(Origin::Assumed);
         let row =
@@ -366,29 +372,30 @@ impl ArrayFile {
 
     /// Navigation files that the file names.
     pub(super) fn navigation(&self) -> &[PathBuf] {
-        &self.nav.files
+        &self.config.nav.files
     }
 
     pub(super) fn names(&self) -> Vec<&str> {
-        self.antenna.iter().map(|antenna| antenna.name.as_str()).collect()
+        self.config.antenna.iter().map(|antenna| antenna.name.as_str()).collect()
     }
 
-    pub(super) fn array(&self) -> Result<AntennaArray, UsageError> {
-        let position = |antenna: &AntennaEntry| {
-            let [x, y, z] = antenna.position_m.ok_or_else(|| {
-                UsageError(format!(
-                    "antenna `{}` has no `position_m`: an array is planned by the places of its \
-                     antennas; `kurs survey` finds those of a working one",
-                    antenna.name
-                ))
-            })?;
-            Ok(Vector::new(x, y, z))
+    /// What an engine of `kurs solve` is told of the array and the sky that are planned.
+    pub(super) fn engine(&self) -> Result<kurs::engine::Settings, UsageError> {
+        if let Some(without) = self.config.antenna.iter().find(|a| a.position_m.is_none()) {
+            return Err(UsageError(format!(
+                "antenna `{}` has no `position_m`: an array is planned by the places of its \
+                 antennas; `kurs survey` finds those of a working one",
+                without.name
+            )));
+        }
+        let settings = kurs::engine::Settings {
+            bands: Some(self.plan.bands()?),
+            elevation_mask_rad: self.plan.elevation_mask_deg.to_radians(),
+            array_sd_m: self.plan.length_sd_m,
+            ..self.config.settings()?
         };
-        let usage = |error| UsageError(format!("[[antenna]]: {error}"));
-        let positions = self.antenna.iter().map(position).collect::<Result<_, UsageError>>()?;
-        let array = AntennaArray::new(positions).map_err(usage)?;
-        array.check_extent().map_err(usage)?;
-        Ok(array)
+        settings.check().map_err(|error| UsageError(format!("plan.{error}")))?;
+        Ok(settings)
     }
 
     /// All baselines with their weights.

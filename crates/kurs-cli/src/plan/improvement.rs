@@ -1,6 +1,7 @@
 //! Where an array is weak, and what one more or one moved antenna would bring.
 
 use kurs::array::AntennaArray;
+use kurs::engine::Settings;
 use kurs::frames::{Attitude, Body, Vector};
 use kurs::prediction::{Sight, attitude_accuracy};
 use nalgebra::{Matrix3, Vector3};
@@ -28,16 +29,18 @@ pub(super) struct Improvement {
 /// The weak axis over these epochs, the best move by [`MOVE_M`] and the best additional antenna on
 /// a corner or face of the box around the array; `None` if no epoch has an accuracy.
 pub(super) fn best(
-    array: &AntennaArray,
+    settings: &Settings,
     attitude: &Attitude,
     epochs: &[&[Sight]],
 ) -> Option<Improvement> {
-    let covariance = mean_covariance(array, attitude, epochs)?;
+    let array = settings.array.as_ref()?;
+    let covariance = mean_covariance(settings, attitude, epochs)?;
     let eigen = covariance.symmetric_eigen();
     let weakest = eigen.eigenvalues.imax();
     let total = |positions: Vec<Vector<Body>>| {
-        let array = AntennaArray::new(positions).ok()?;
-        Some(mean_covariance(&array, attitude, epochs)?.trace().sqrt())
+        let array = Some(AntennaArray::new(positions).ok()?);
+        let settings = Settings { array, ..settings.clone() };
+        Some(mean_covariance(&settings, attitude, epochs)?.trace().sqrt())
     };
     let moves = (0..array.len()).flat_map(|antenna| {
         directions().filter(|step| step.abs().sum() == 1.0).map(move |step| (antenna, step))
@@ -79,13 +82,13 @@ fn outside(array: &AntennaArray, side: &Vector3<f64>) -> Vector3<f64> {
 
 /// Mean covariance of the rotation vector in body axes, rad².
 fn mean_covariance(
-    array: &AntennaArray,
+    settings: &Settings,
     attitude: &Attitude,
     epochs: &[&[Sight]],
 ) -> Option<Matrix3<f64>> {
     let covariances: Vec<Matrix3<f64>> = epochs
         .iter()
-        .filter_map(|sights| attitude_accuracy(array, attitude, sights))
+        .filter_map(|sights| attitude_accuracy(settings, attitude, sights))
         .map(|accuracy| accuracy.covariance_rad2)
         .collect();
     let count = covariances.len();

@@ -12,10 +12,11 @@ use std::time::Instant;
 
 use anyhow::{anyhow, bail};
 use kurs::array::AntennaArray;
+use kurs::engine::{Constraint, Settings};
 use kurs::frames::Attitude;
 use kurs::prediction::{
-    AttitudeAccuracy, Sight, SimulatedRate, array_constrained_success_rate, attitude_accuracy,
-    baseline_success_rate, length_constrained_success_rate,
+    AttitudeAccuracy, Sight, SimulatedRate, attitude_accuracy, baseline_success_rate,
+    simulated_success_rate,
 };
 use kurs::selection::{
     Baselines, Criterion, Graph, Pair, SelectionError, error_relative_to_all_antennas, select,
@@ -34,10 +35,8 @@ use crate::output::{self, OutputFolder};
 use crate::pipe::InputFile;
 use crate::window::{parse_seconds, parse_time};
 
-/// Simulated epochs for the success rate with known length.
-const LENGTH_DRAWS: u32 = 1000;
-/// Simulated epochs for the success rate of the array constraint, whose search takes longer.
-const ARRAY_DRAWS: u32 = 300;
+/// Simulated epochs for a success rate: a share of a half is known to 6 % by them (95 %).
+const DRAWS: u32 = 300;
 /// Epochs over the time span that stand for all of it where every candidate costs a calculation.
 const SAMPLED_EPOCHS: usize = 24;
 /// More epochs than this are refused: a mistyped step.
@@ -151,32 +150,39 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let args = &Args { array: input.path().to_owned(), ..args.clone() };
     let mut file = ArrayFile::read(&args.array, &args.set)?;
     file.plan.step_s = args.every.unwrap_or(file.plan.step_s);
-    file.check()?;
-    let array = file.array()?;
-    let baselines = file.baselines(&array)?;
+    let (settings, array, baselines) =
+        checked(&file).map_err(|UsageError(what)| UsageError(in_file(args, &what)))?;
     let mut notes = Vec::new();
     let session = observed(args, &file, &mut notes);
     if let Some(session) = &session {
         file.fill(session);
     }
+    // The observations may have told other bands.
+    let settings = Settings { bands: Some(file.plan.bands()?), ..settings };
     let first = session.as_ref().and_then(|session| session.start);
     let sky = match session {
-        Some(session) => Sky::Broadcast(Box::new(session.navigation)),
+        Some(session) => Sky::OfFiles(Box::new(session.navigation)),
         None => Sky::read(if args.nav.is_empty() { file.navigation() } else { &args.nav })?,
     };
     sky.check(&file.plan.bands()?)?;
     let start = args.at.or(first).unwrap_or_else(|| sky.start());
     let duration_s = args.duration_s(start)?;
-    let epochs = predict(&file, &array, &sky, start, duration_s)?;
+    let epochs = predict(&file, &settings, &sky, start, duration_s)?;
     notes.extend(uncovered(&epochs, &file.plan.bands()?));
     if epochs.iter().all(|epoch| epoch.accuracy.is_none()) {
         bail!("no epoch from {start} on has satellites enough for an attitude");
     }
     let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let attitude = file.plan.attitude();
+    let median = median_epoch(&epochs).map(|epoch| epoch.sights.as_slice()).unwrap_or_default();
+    let length_constrained = length_constrained(&settings, &array, &attitude, median, &mut random);
     let plan = Plan {
-        length_constrained: length_constrained(&file, &array, &epochs, &mut random),
-        array_constrained: array_constrained(&file, &array, &epochs, &mut random),
-        improvement: improvement::best(&array, &attitude(&file), &sampled(&epochs)),
+        array_constrained: match length_constrained[..] {
+            [of_the_line] => of_the_line,
+            _ => array_constrained(&settings, &attitude, median, &mut random),
+        },
+        length_constrained,
+        improvement: improvement::best(&settings, &attitude, &sampled(&epochs)),
         choices: choose(&array, &baselines, file.plan.graph(), &mut random),
         sky: sky.description(),
         notes,
@@ -233,15 +239,25 @@ fn uncovered(epochs: &[Epoch], bands: &[Band]) -> Vec<String> {
     ends.collect()
 }
 
-/// The level body at the planned heading.
-fn attitude(file: &ArrayFile) -> Attitude {
-    Attitude { heading_rad: file.plan.heading_deg.to_radians(), pitch_rad: 0.0, roll_rad: 0.0 }
+/// The engine, the array and its baselines, if all of the file makes sense.
+fn checked(file: &ArrayFile) -> Result<(Settings, AntennaArray, Baselines), UsageError> {
+    file.check()?;
+    let settings = file.engine()?;
+    let array = settings.array.clone().ok_or_else(|| UsageError("no [[antenna]]".to_owned()))?;
+    let baselines = file.baselines(&array)?;
+    Ok((settings, array, baselines))
+}
+
+/// What is wrong, with where it was said.
+fn in_file(args: &Args, what: &str) -> String {
+    let with_set = if args.set.is_empty() { "" } else { " with --set" };
+    format!("{}{with_set}: {what}", args.array.display())
 }
 
 /// Accuracy at every step of the time span.
 fn predict(
     file: &ArrayFile,
-    array: &AntennaArray,
+    settings: &Settings,
     sky: &Sky,
     start: GpsTime,
     duration_s: f64,
@@ -251,7 +267,7 @@ fn predict(
     if steps > MAX_EPOCHS {
         bail!(UsageError(format!("{steps} epochs: plan.step_s is too short for this time span")));
     }
-    let attitude = attitude(file);
+    let attitude = file.plan.attitude();
     let mut epochs = Vec::new();
     let mut after_s = 0.0;
     while after_s <= duration_s {
@@ -261,7 +277,7 @@ fn predict(
             time,
             hours: after_s / 3600.0,
             satellites,
-            accuracy: attitude_accuracy(array, &attitude, &sights),
+            accuracy: attitude_accuracy(settings, &attitude, &sights),
             success_rate: baseline_success_rate(&sights),
             sights,
         });
@@ -285,36 +301,36 @@ fn median_epoch(epochs: &[Epoch]) -> Option<&Epoch> {
     by_rate.get(by_rate.len() / 2).map(|(_, epoch)| *epoch)
 }
 
-/// Success rate with known length of each baseline from the first antenna, at the median epoch.
+/// Success rate with known length of each baseline from the first antenna under this sky.
 fn length_constrained(
-    file: &ArrayFile,
+    settings: &Settings,
     array: &AntennaArray,
-    epochs: &[Epoch],
+    attitude: &Attitude,
+    sights: &[Sight],
     random: &mut Xoshiro256PlusPlus,
 ) -> Vec<Option<SimulatedRate>> {
-    let ned_from_body = attitude(file).ned_from_body();
+    let [first, others @ ..] = array.positions_m() else { return Vec::new() };
     let mut rate = |rover| {
-        length_constrained_success_rate(
-            &median_epoch(epochs)?.sights,
-            &(ned_from_body * array.baseline_m(rover)),
-            file.plan.length_sd_m,
-            LENGTH_DRAWS,
-            random,
-        )
+        let of_pair = Settings {
+            antennas: 2,
+            array: AntennaArray::new(vec![*first, rover]).ok(),
+            constraint: Constraint::Length,
+            ..settings.clone()
+        };
+        simulated_success_rate(&of_pair, attitude, sights, DRAWS, random)
     };
-    (1..array.len()).map(&mut rate).collect()
+    others.iter().map(|rover| rate(*rover)).collect()
 }
 
-/// Success rate of all integers with the known array, at the median epoch.
+/// Success rate of all integers with the known array under this sky.
 fn array_constrained(
-    file: &ArrayFile,
-    array: &AntennaArray,
-    epochs: &[Epoch],
+    settings: &Settings,
+    attitude: &Attitude,
+    sights: &[Sight],
     random: &mut Xoshiro256PlusPlus,
 ) -> Option<SimulatedRate> {
-    let sights = &median_epoch(epochs)?.sights;
-    let array_sd_m = file.plan.length_sd_m;
-    array_constrained_success_rate(array, &attitude(file), sights, array_sd_m, ARRAY_DRAWS, random)
+    let of_array = Settings { constraint: Constraint::Array, ..settings.clone() };
+    simulated_success_rate(&of_array, attitude, sights, DRAWS, random)
 }
 
 /// The best baselines by every criterion.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use kurs::prediction::SimulatedRate;
+use kurs::prediction::{AttitudeAccuracy, SimulatedRate};
 use kurs::selection::{Criterion, Graph, Pair};
 use nalgebra::Vector3;
 use plotly::common::{Line, Marker, Mode, Position, Title};
@@ -82,6 +82,7 @@ pub(super) fn document(plan: &Plan) -> Value {
                 "base": names[0],
                 "rover": rover,
                 "success_rate": rate.map(SimulatedRate::rate),
+                "wrong": rate.map(|rate| rate.wrong),
                 "epochs": rate.map(|rate| rate.draws),
                 "interval_95": rate.map(SimulatedRate::interval),
             })
@@ -96,6 +97,7 @@ pub(super) fn document(plan: &Plan) -> Value {
         "epochs": epochs,
         "length_constrained": length_constrained,
         "array_constrained_success_rate": plan.array_constrained.map(SimulatedRate::rate),
+        "array_constrained_wrong": plan.array_constrained.map(|rate| rate.wrong),
         "array_constrained_epochs": plan.array_constrained.map(|rate| rate.draws),
         "array_constrained_interval_95": plan.array_constrained.map(SimulatedRate::interval),
         "improvement": improvement,
@@ -152,8 +154,8 @@ fn epoch_json(epoch: &Epoch) -> Value {
     json!({
         "time_gpst": epoch.time.to_string(),
         "satellites": epoch.satellites,
-        "heading_sd_deg": accuracy.map(|a| a.heading_sd_rad.to_degrees()),
-        "pitch_sd_deg": accuracy.map(|a| a.pitch_sd_rad.to_degrees()),
+        "heading_sd_deg": accuracy.and_then(|a| a.heading_sd_rad).map(f64::to_degrees),
+        "pitch_sd_deg": accuracy.and_then(|a| a.pitch_sd_rad).map(f64::to_degrees),
         "roll_sd_deg": accuracy.and_then(|a| a.roll_sd_rad).map(f64::to_degrees),
         "success_rate": epoch.success_rate,
     })
@@ -206,14 +208,15 @@ fn tables(plan: &Plan) -> Vec<(&'static str, Vec<&'static str>, Rows)> {
 
 fn accuracy_rows(plan: &Plan) -> Rows {
     let accuracies = || plan.epochs.iter().filter_map(|epoch| epoch.accuracy.as_ref());
+    // What is not seen is worse than anything.
+    let angle = |name, sd_rad: fn(&AttitudeAccuracy) -> Option<f64>| {
+        spread(name, accuracies().map(|a| sd_rad(a).unwrap_or(f64::INFINITY)).collect(), degrees)
+    };
     let mut rows = vec![
-        spread("heading", accuracies().map(|a| a.heading_sd_rad).collect(), degrees),
-        spread("pitch", accuracies().map(|a| a.pitch_sd_rad).collect(), degrees),
+        angle("heading", |a| a.heading_sd_rad),
+        angle("pitch", |a| a.pitch_sd_rad),
+        angle("roll", |a| a.roll_sd_rad),
     ];
-    let rolls: Vec<f64> = accuracies().filter_map(|a| a.roll_sd_rad).collect();
-    if !rolls.is_empty() {
-        rows.push(spread("roll", rolls, degrees));
-    }
     let usable = plan.epochs.iter().filter(|epoch| epoch.accuracy.is_some());
     let satellites = usable.map(|epoch| epoch.satellites as f64).collect();
     let mut row = spread("satellites", satellites, |count| format!("{count}"));
@@ -241,7 +244,8 @@ fn success_rows(plan: &Plan) -> Rows {
 fn simulated_row(name: String, rate: Option<SimulatedRate>) -> Vec<String> {
     let text = rate.map_or_else(String::new, |rate| {
         let [low, high] = rate.interval().map(|edge| 100.0 * edge);
-        format!("{} ({low:.1}–{high:.1}; {} epochs)", percent(rate.rate()), rate.draws)
+        let wrong = if rate.wrong > 0 { format!(", {} wrong", rate.wrong) } else { String::new() };
+        format!("{} ({low:.1}–{high:.1}; {} epochs{wrong})", percent(rate.rate()), rate.draws)
     });
     vec![name, text, String::new(), String::new()]
 }
@@ -305,10 +309,21 @@ fn remarks(plan: &Plan) -> Vec<String> {
         ));
     }
     remarks.push(WHEN_THE_CHOICE_MATTERS.to_owned());
+    let is_seen = |a: &AttitudeAccuracy| {
+        a.heading_sd_rad.is_some() && a.pitch_sd_rad.is_some() && a.roll_sd_rad.is_some()
+    };
+    if !plan.epochs.iter().filter_map(|epoch| epoch.accuracy.as_ref()).all(is_seen) {
+        let solve = &plan.file.config.solve;
+        remarks.push(format!(
+            "Not seen: antennas on one line do not tell the angle, or it is less certain than max_angle_sd_deg = {}°. \
+             Of the turn about a line only a body level to roll_sd_deg = {}° tells.",
+            solve.max_angle_sd_deg, solve.roll_sd_deg
+        ));
+    }
     remarks.push(
-        "The success rates are those of one epoch; the constrained ones are simulated at the epoch \
-         whose unconstrained rate is the median, with their 95 % interval; where the search gives up, \
-         the epoch has no integers."
+        "The success rates are those of one epoch, with nothing but noise; the constrained ones are the share of \
+         simulated epochs that `kurs solve` fixes rightly, at the epoch whose unconstrained rate is the median, with \
+         their 95 % interval."
             .to_owned(),
     );
     remarks
@@ -323,7 +338,11 @@ fn spread(name: &str, mut values: Vec<f64>, write: impl Fn(f64) -> String) -> Ve
 }
 
 fn degrees(angle_rad: f64) -> String {
-    format!("{:.3}°", angle_rad.to_degrees())
+    if angle_rad.is_finite() {
+        format!("{:.3}°", angle_rad.to_degrees())
+    } else {
+        "not seen".to_owned()
+    }
 }
 
 fn percent(share: f64) -> String {
@@ -360,8 +379,6 @@ fn graph_name(graph: Graph) -> &'static str {
 
 /// Standard deviations of the angles over the hours.
 fn accuracy_plot(plan: &Plan) -> Plot {
-    let usable = || plan.epochs.iter().filter_map(|e| Some((e.hours, e.accuracy.as_ref()?)));
-    let hours: Vec<f64> = usable().map(|(hours, _)| hours).collect();
     let mut plot = laid_out(
         Layout::new().x_axis(Axis::new().title(Title::with_text("hours"))).y_axis(
             Axis::new()
@@ -370,17 +387,17 @@ fn accuracy_plot(plan: &Plan) -> Plot {
                 .range_mode(RangeMode::ToZero),
         ),
     );
-    let mut line = |name: &str, colour: &'static str, values: Vec<f64>| {
-        let line = Line::new().color(colour);
-        plot.add_trace(Scatter::new(hours.clone(), values).mode(Mode::Lines).line(line).name(name));
+    let mut line = |name, colour: &'static str, sd_rad: fn(&AttitudeAccuracy) -> Option<f64>| {
+        let seen = |e: &Epoch| Some((e.hours, sd_rad(e.accuracy.as_ref()?)?.to_degrees()));
+        let (hours, values): (Vec<f64>, Vec<f64>) = plan.epochs.iter().filter_map(seen).unzip();
+        if !hours.is_empty() {
+            let line = Line::new().color(colour);
+            plot.add_trace(Scatter::new(hours, values).mode(Mode::Lines).line(line).name(name));
+        }
     };
-    line("heading", BLUE, usable().map(|(_, a)| a.heading_sd_rad.to_degrees()).collect());
-    line("pitch", ORANGE, usable().map(|(_, a)| a.pitch_sd_rad.to_degrees()).collect());
-    let rolls: Vec<f64> =
-        usable().filter_map(|(_, a)| a.roll_sd_rad).map(f64::to_degrees).collect();
-    if !rolls.is_empty() {
-        line("roll", GREEN, rolls);
-    }
+    line("heading", BLUE, |a| a.heading_sd_rad);
+    line("pitch", ORANGE, |a| a.pitch_sd_rad);
+    line("roll", GREEN, |a| a.roll_sd_rad);
     plot
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{anyhow, bail};
 use kurs::ephemeris::NavigationData;
-use kurs::frames::{Ecef, Ned, Vector};
+use kurs::frames::{Body, Ecef, Ned, Rotation, Vector};
 use kurs::prediction::Sight;
 use kurs::signal::{Band, Satellite, System};
 use kurs::time::GpsTime;
@@ -21,8 +21,8 @@ use crate::failure::UsageError;
 pub(super) enum Sky {
     /// Circular orbits as the systems were designed.
     Nominal,
-    /// Broadcast ephemerides.
-    Broadcast(Box<NavigationData>),
+    /// Broadcast ephemerides and precise orbits.
+    OfFiles(Box<NavigationData>),
 }
 
 impl Sky {
@@ -38,7 +38,7 @@ impl Sky {
         if data.ephemerides.is_empty() {
             bail!("the navigation files hold no ephemeris that can be used");
         }
-        Ok(Self::Broadcast(Box::new(data)))
+        Ok(Self::OfFiles(Box::new(data)))
     }
 
     /// What the sky is, for the report.
@@ -48,8 +48,14 @@ impl Sky {
                               planes 55°, Galileo three planes 56°, BeiDou MEO three planes 55°, \
                               GLONASS three planes 64.8°)"
                 .to_owned(),
-            Self::Broadcast(data) => {
-                format!("{} broadcast ephemerides", data.ephemerides.len())
+            Self::OfFiles(data) => {
+                let (broadcast, precise) = (data.ephemerides.len(), data.ephemerides.precise());
+                let counts = [
+                    (broadcast, "broadcast ephemerides"),
+                    (precise.iter().count(), "satellites with precise orbits"),
+                ];
+                let told = counts.iter().filter(|(count, _)| *count > 0);
+                told.map(|(count, of)| format!("{count} {of}")).collect::<Vec<_>>().join(", ")
             }
         }
     }
@@ -68,41 +74,49 @@ impl Sky {
         )))
     }
 
-    /// The instant to begin with if none is given: the first reference time of the files.
+    /// The instant to begin with if none is given: the first reference time or node of the files.
     pub(super) fn start(&self) -> GpsTime {
         match self {
             Self::Nominal => GpsTime::default(),
-            Self::Broadcast(data) => {
-                let times = data.ephemerides.iter().map(|ephemeris| ephemeris.reference_time());
-                times.min().unwrap_or_default()
+            Self::OfFiles(data) => {
+                let broadcast = data.ephemerides.iter().map(|ephemeris| ephemeris.reference_time());
+                let nodes =
+                    data.ephemerides.precise().iter().filter_map(|(_, nodes)| nodes.first());
+                broadcast.chain(nodes.map(|node| node.time)).min().unwrap_or_default()
             }
         }
     }
 
-    /// System and ECEF position of every satellite.
+    /// ECEF position of every satellite.
     ///
     /// The travel time of the signal is left out: it moves a satellite by 300 m, 0.001° here.
-    fn positions(&self, time: GpsTime, systems: &BTreeSet<System>) -> Vec<(System, Vector<Ecef>)> {
+    fn positions(
+        &self,
+        time: GpsTime,
+        systems: &BTreeSet<System>,
+    ) -> Vec<(Satellite, Vector<Ecef>)> {
         match self {
             Self::Nominal => systems
                 .iter()
                 .filter_map(|system| Some((*system, nominal(*system)?)))
                 .flat_map(|(system, walker)| {
                     let satellites = walker.at(time - GpsTime::default());
-                    satellites
-                        .into_iter()
-                        .map(move |satellite| (system, Vector::from_xyz(satellite.position_m)))
+                    (first_number(system)..).zip(satellites).map(move |(number, satellite)| {
+                        let position_m = Vector::from_xyz(satellite.position_m);
+                        (Satellite { system, number }, position_m)
+                    })
                 })
                 .collect(),
-            Self::Broadcast(data) => {
-                let satellites: BTreeSet<Satellite> =
-                    data.ephemerides.iter().map(|ephemeris| ephemeris.satellite()).collect();
+            Self::OfFiles(data) => {
+                let broadcast = data.ephemerides.iter().map(|ephemeris| ephemeris.satellite());
+                let precise = data.ephemerides.precise().iter().map(|(satellite, _)| satellite);
+                let satellites: BTreeSet<Satellite> = broadcast.chain(precise).collect();
                 satellites
                     .into_iter()
                     .filter(|satellite| systems.contains(&satellite.system))
                     .filter_map(|satellite| {
                         let state = data.ephemerides.state(satellite, time).ok()?;
-                        Some((satellite.system, state.position_m))
+                        Some((satellite, state.position_m))
                     })
                     .collect()
             }
@@ -123,18 +137,20 @@ impl Sky {
         let systems: BTreeSet<System> = bands.iter().map(|band| band.system).collect();
         let mut sights = Vec::new();
         let mut satellites = 0;
-        for (system, position_m) in self.positions(time, &systems) {
+        let body_from_ned = file.plan.attitude().ned_from_body().inverse();
+        for (satellite, position_m) in self.positions(time, &systems) {
             let direction = (ned_from_ecef * (position_m - receiver_m)).direction();
-            if is_hidden(&direction, file) {
+            if is_hidden(&direction, &body_from_ned, file) {
                 continue;
             }
             satellites += 1;
             let sin_elevation = -direction.xyz().z;
-            for band in bands.iter().filter(|band| band.system == system) {
+            for band in bands.iter().filter(|band| band.system == satellite.system) {
                 // GLONASS channels differ by 0.5 % at most: the middle one stands for all.
                 if let Some(wavelength_m) = band.wavelength_m(Some(0)) {
                     let variances = noise.variances(*band, sin_elevation, None);
                     sights.push(Sight {
+                        satellite,
                         direction,
                         band: *band,
                         wavelength_m,
@@ -149,19 +165,28 @@ impl Sky {
 }
 
 /// Whether the elevation mask or the body hides a direction.
-fn is_hidden(direction: &Vector<Ned>, file: &ArrayFile) -> bool {
-    let u = direction.xyz();
-    let elevation_deg = (-u.z).asin().to_degrees();
-    let from_nose_deg = (u.y.atan2(u.x).to_degrees() - file.plan.heading_deg).rem_euclid(360.0);
-    elevation_deg < file.plan.elevation_mask_deg
+fn is_hidden(
+    direction: &Vector<Ned>,
+    body_from_ned: &Rotation<Body, Ned>,
+    file: &ArrayFile,
+) -> bool {
+    let elevation_deg = |down: f64| (-down).asin().to_degrees();
+    let on_body = (*body_from_ned * *direction).xyz();
+    let from_nose_deg = on_body.y.atan2(on_body.x).to_degrees();
+    elevation_deg(direction.xyz().z) < file.plan.elevation_mask_deg
         || file.mask.iter().any(|mask| {
             let span_deg = mask.to_deg - mask.from_deg;
             // From 0 to 360 is all around.
             let is_turn = span_deg != 0.0 && span_deg % 360.0 == 0.0;
             let width_deg = if is_turn { 360.0 } else { span_deg.rem_euclid(360.0) };
             let inside = (from_nose_deg - mask.from_deg).rem_euclid(360.0) <= width_deg;
-            inside && elevation_deg < mask.elevation_deg
+            inside && elevation_deg(on_body.z) < mask.elevation_deg
         })
+}
+
+/// The satellite of a nominal sky that is counted first: of BeiDou those before it stand over the equator.
+fn first_number(system: System) -> u8 {
+    if system == System::BeiDou { 19 } else { 1 }
 }
 
 /// The design constellation of a system; `None` where the satellites are not a Walker pattern.
@@ -206,6 +231,7 @@ pub(super) fn parse_duration_s(text: &str) -> anyhow::Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kurs::ephemeris::PreciseNode;
 
     #[test]
     fn times_and_durations() {
@@ -220,7 +246,7 @@ mod tests {
     /// Two dozen satellites of a system: six to twelve above 10° at middle latitudes, all day.
     #[test]
     fn the_nominal_sky_is_as_full_as_the_real_one() {
-        let file: ArrayFile = crate::config_file::parse("antenna = []", "test").unwrap();
+        let file: ArrayFile = crate::config_file::parse("", "test").unwrap();
         let bands = [Band::new(System::Gps, 1), Band::new(System::Galileo, 1)];
         for hour in 0..24 {
             let time = GpsTime::default() + 3600.0 * f64::from(hour);
@@ -232,11 +258,45 @@ mod tests {
         }
     }
 
+    /// Precise orbits alone, an hour and three quarters of them: the plan begins with them, and sees what the sky of their
+    /// nodes shows.
+    #[test]
+    fn precise_orbits_are_a_sky() {
+        let file: ArrayFile = crate::config_file::parse("", "test").unwrap();
+        let band = Band::new(System::Galileo, 1);
+        let begin = GpsTime::default() + 86_400.0;
+        let mut data = NavigationData::default();
+        for node in 0..22 {
+            let time = begin + 300.0 * f64::from(node);
+            for (satellite, position_m) in
+                Sky::Nominal.positions(time, &BTreeSet::from([System::Galileo]))
+            {
+                let node = PreciseNode {
+                    time,
+                    position_m,
+                    clock_s: Some(0.0),
+                    clock_event: false,
+                    sigma_m: 0.0,
+                };
+                data.ephemerides.insert_precise(satellite, node);
+            }
+        }
+        let sky = Sky::OfFiles(Box::new(data));
+        assert_eq!(sky.start(), begin);
+        assert_eq!(sky.description(), "24 satellites with precise orbits");
+        let satellites = |sky: &Sky| sky.sights(begin + 3000.0, &file, &[band]).1;
+        assert_eq!(satellites(&sky), satellites(&Sky::Nominal));
+        assert!(satellites(&sky) >= 4);
+    }
+
     #[test]
     fn the_body_hides_a_sector() {
-        let text = "antenna = []\n[plan]\nheading_deg = 90.0\n\
+        let text = "[plan]\nheading_deg = 90.0\n\
                     [[mask]]\nfrom_deg = 350.0\nto_deg = 10.0\nelevation_deg = 45.0\n";
         let file: ArrayFile = crate::config_file::parse(text, "test").unwrap();
+        let is_hidden = |direction: &Vector<Ned>, file: &ArrayFile| {
+            super::is_hidden(direction, &file.plan.attitude().ned_from_body().inverse(), file)
+        };
         let towards = |azimuth_deg: f64, elevation_deg: f64| {
             let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
             Vector::new(e.cos() * a.cos(), e.cos() * a.sin(), -e.sin())

@@ -27,7 +27,7 @@ use crate::pipe;
 use crate::window::Window;
 
 /// The configuration as written.
-#[derive(Debug, Clone, Deserialize, Serialize)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Config {
     #[serde(default)]
@@ -808,23 +808,30 @@ impl Loaded {
         Err(UsageError("`[[point]]` needs the `position_m` of every antenna".into()))
     }
 
+    /// Settings of the engine.
+    pub(crate) fn settings(&self) -> Result<Settings, UsageError> {
+        self.config.settings()
+    }
+}
+
+impl Config {
     /// The constraint in force: the known array wherever it is known; of two antennas that is their
     /// length.
-    pub(super) fn constraint(&self) -> Constraint {
-        let antennas = &self.config.antenna;
+    pub(crate) fn constraint(&self) -> Constraint {
+        let antennas = &self.antenna;
         let whole = if antennas.len() == 2 { Constraint::Length } else { Constraint::Array };
-        match self.config.solve.constraint {
+        match self.solve.constraint {
             Some(ConstraintKey::None) => Constraint::None,
             Some(ConstraintKey::Length) => Constraint::Length,
             Some(ConstraintKey::Array) => whole,
-            None if antennas[0].position_m.is_some() => whole,
+            None if antennas.first().is_some_and(|a| a.position_m.is_some()) => whole,
             None => Constraint::None,
         }
     }
 
     /// What is carried from epoch to epoch.
     fn ambiguities(&self) -> Ambiguities {
-        let solve = &self.config.solve;
+        let solve = &self.solve;
         let motion = match solve.motion {
             MotionKey::Free => Motion::Free,
             MotionKey::Static => Motion::Static,
@@ -838,7 +845,7 @@ impl Loaded {
 
     /// Settings of the engine.
     pub(crate) fn settings(&self) -> Result<Settings, UsageError> {
-        let Config { antenna, solve, point, .. } = &self.config;
+        let Config { antenna, solve, point, .. } = self;
         let positions: Option<Vec<_>> =
             antenna.iter().map(|a| a.position_m.map(|[x, y, z]| Vector::new(x, y, z))).collect();
         let named = |error| UsageError(self.with_names(&error));
@@ -902,7 +909,7 @@ impl Loaded {
     /// An array error with the antennas' names in place of their numbers.
     fn with_names(&self, error: &kurs::array::ArrayError) -> String {
         use kurs::array::ArrayError;
-        let name = |index: usize| &self.config.antenna[index].name;
+        let name = |index: usize| &self.antenna[index].name;
         match error {
             ArrayError::Coincident { first, second, distance_m } => format!(
                 "antennas `{}` and `{}` are {distance_m:.4} m apart: two antennas cannot be at one place",

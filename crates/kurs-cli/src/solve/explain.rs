@@ -138,7 +138,7 @@ impl Loaded {
         let of_station = config.station.iter_mut().flat_map(|station| &mut station.obs);
         let navigation = config.nav.files.iter_mut().chain(&mut config.antex.files);
         observations.chain(of_station).chain(navigation).for_each(whole);
-        config.solve.constraint = Some(match self.constraint() {
+        config.solve.constraint = Some(match self.config.constraint() {
             Constraint::None => ConstraintKey::None,
             Constraint::Length => ConstraintKey::Length,
             Constraint::Array => ConstraintKey::Array,

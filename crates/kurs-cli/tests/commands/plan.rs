@@ -89,6 +89,28 @@ fn two_antennas_have_no_roll_and_nothing_to_choose() {
     assert!(plan["choices"][3]["refused"].as_str().unwrap().contains("one line"));
 }
 
+/// A line that rises on the body: the roll that nobody sees is in the heading. Of a mast nothing is told.
+#[test]
+fn a_rising_line_is_as_certain_as_the_unseen_roll_lets_it_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = |place: &str| {
+        let antenna =
+            |name: &str, at: &str| format!("[[antenna]]\nname = \"{name}\"\nposition_m = [{at}]\n");
+        let text = antenna("a", "0.0, 0.0, 0.0") + &antenna("b", place);
+        let output =
+            plan(folder.path(), &(text + "[solve]\nroll_sd_deg = 3.0\n"), &["--for", "1h"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let told = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(told.contains("not seen") && !told.contains("NaN"), "{told}");
+        json(folder.path())["epochs"][0].clone()
+    };
+    // One metre forward and 0.2 m up: a fifth of the roll.
+    let heading = line("1.0, 0.0, -0.2")["heading_sd_deg"].as_f64().unwrap();
+    assert!((0.6..0.75).contains(&heading), "{heading}");
+    let mast = line("0.0, 0.0, -1.0");
+    assert!(mast["heading_sd_deg"].is_null() && mast["pitch_sd_deg"].is_null(), "{mast}");
+}
+
 /// The configuration of `kurs solve` is an array file too; `[plan]` goes first.
 #[test]
 fn a_solve_configuration_is_planned() {
@@ -119,10 +141,10 @@ fn a_working_configuration_is_planned_by_its_observations() {
     let scenario = format!(
         "seed = 5\nstart = \"2024-03-10T12:00:00\"\nduration_s = 60.0\ninterval_s = 1.0\n\
          signals = [\"G1C\", \"G2W\", \"E1C\", \"E5Q\"]\n[sky]\nsystems = [\"G\", \"E\"]\n\
-         [noise]\ncode_sd_m = 0.5\nphase_sd_cycles = 0.012\n\
+         [noise]\nlaw = \"mixed\"\ncode_sd_m = 0.5\nphase_sd_cycles = 0.012\n\
          [[body]]\nname = \"body\"\n[body.motion]\nkind = \"static\"\n\
          place = {{ latitude_deg = -33.0, longitude_deg = 18.0, height_m = 40.0 }}\n\
-         heading_deg = 250.0\npitch_deg = 0.0\nroll_deg = 0.0\n{antennas}"
+         heading_deg = 250.0\npitch_deg = 12.0\nroll_deg = -7.0\n{antennas}"
     );
     fs::write(folder.path().join("scenario.toml"), scenario).unwrap();
     let kurs = |arguments: &[&str]| {
@@ -144,9 +166,11 @@ fn a_working_configuration_is_planned_by_its_observations() {
     near("latitude_deg", -33.0, 1e-3);
     near("longitude_deg", 18.0, 1e-3);
     near("heading_deg", 250.0, 1.0);
+    near("pitch_deg", 12.0, 1.0);
+    near("roll_deg", -7.0, 1.0);
     near("code_sd_m", 0.5, 0.15);
     // Cycles of 0.19 to 0.25 m.
-    near("phase_sd_m", 0.012 * 0.22, 0.0008);
+    near("phase_sd_m", 0.012 * 0.22, 0.0003);
     assert_eq!(basis("bands"), ("G1 G2 E1 E5".into(), "the observations".into()));
     // The simulated array is exact: as near to zero as a plan takes.
     assert_eq!(basis("length_sd_m"), (1e-6.into(), "[solve]".into()));
@@ -183,14 +207,22 @@ fn wrong_files_are_usage_errors_that_name_the_key() {
     };
     for (text, expected) in [
         (one.to_owned(), "1 antenna"),
-        (format!("{one}{}", one.replace("\"a\"", "\"b\"")), "apart"),
+        (
+            format!("{one}{}", one.replace("\"a\"", "\"b\"")),
+            "antennas `a` and `b` are 0.0000 m apart",
+        ),
         (ROOF.replace("step_s", "step"), "did you mean `step_s`"),
         (ROOF.replacen("position_m = [-1.5, -0.6, 0.0]", "", 1), "`port` has no `position_m`"),
-        (ROOF.replace("1800.0", "nan"), "plan.step_s is NaN"),
+        (ROOF.replace("1800.0", "nan"), "array.toml: plan.step_s is NaN"),
+        (with("[solve]\nbandz = [\"G1\"]"), "unknown key `bandz`, did you mean `bands`"),
+        (with(r#"bands = ["G1", "G1"]"#), "plan.bands: G1 is given twice"),
         (ROOF.replace("-1.5", "inf"), "not a finite number"),
         (with(r#"criterion = "best""#), "unknown variant `best`"),
         (ROOF.replace("\"port\"", "\"bow\""), "two antennas are named `bow`"),
-        (ROOF.replace("-1.5, -0.6", "-1e9, -0.6"), "at most 100000 m make sense"),
+        (
+            ROOF.replace("-1.5, -0.6", "-1e9, -0.6"),
+            "antennas `bow` and `port` are 1000000000 m apart",
+        ),
         (with(r#"bands = ["J1"]"#), "none of J1: give navigation files with --nav"),
         (mask("0.0", "1e9", "30.0"), "mask.to_deg is 1000000000, expected -360 to 360"),
         (mask("nan", "10.0", "30.0"), "mask.from_deg is NaN"),

@@ -34,6 +34,36 @@ pub fn survey_turn_rad2(
     if array_sd_m == 0.0 {
         return Some(Matrix3::zeros());
     }
+    let (covariance_rad2, weighted) = turns(baselines_m, rotation, covariance_m2, line)?;
+    let mut of_first = Matrix3::zeros();
+    let mut sum = Matrix3::zeros();
+    for block in 0..baselines_m.len() {
+        let gain = covariance_rad2 * weighted.fixed_view::<3, 3>(3 * block, 0).transpose();
+        of_first -= gain;
+        sum += gain * gain.transpose();
+    }
+    Some((sum + of_first * of_first.transpose()) * array_sd_m.powi(2))
+}
+
+/// Covariance of the rotation vector in body axes, rad², that baselines with `covariance_m2` leave; arguments as
+/// for [`survey_turn_rad2`].
+#[must_use]
+pub fn turn_covariance_rad2(
+    baselines_m: &[Vector3<f64>],
+    rotation: &Matrix3<f64>,
+    covariance_m2: &DMatrix<f64>,
+    line: Option<&Vector3<f64>>,
+) -> Option<Matrix3<f64>> {
+    turns(baselines_m, rotation, covariance_m2, line).map(|(covariance_rad2, _)| covariance_rad2)
+}
+
+/// `(Gᵀ Ω G)⁻¹` and `Ω G`.
+fn turns(
+    baselines_m: &[Vector3<f64>],
+    rotation: &Matrix3<f64>,
+    covariance_m2: &DMatrix<f64>,
+    line: Option<&Vector3<f64>>,
+) -> Option<(Matrix3<f64>, DMatrix<f64>)> {
     let mut by_turn = DMatrix::zeros(3 * baselines_m.len(), 3);
     for (block, baseline_m) in baselines_m.iter().enumerate() {
         let rows = -rotation * skew(baseline_m);
@@ -46,14 +76,7 @@ pub fn survey_turn_rad2(
         None => information.try_inverse()?,
         Some(axis) => inverse_across(&information, axis)?,
     };
-    let mut of_first = Matrix3::zeros();
-    let mut sum = Matrix3::zeros();
-    for block in 0..baselines_m.len() {
-        let gain = inverse * weighted.fixed_view::<3, 3>(3 * block, 0).transpose();
-        of_first -= gain;
-        sum += gain * gain.transpose();
-    }
-    Some((sum + of_first * of_first.transpose()) * array_sd_m.powi(2))
+    Some((inverse, weighted))
 }
 
 /// `B (Bᵀ M B)⁻¹ Bᵀ`, `B` a basis of the plane across `axis`.

@@ -97,7 +97,7 @@ impl Estimator {
     /// The float solution with the noise of the session, which learns from its code residuals, and how the code
     /// fits before outliers lose weight. Until the session is known, the epoch's own residuals enter its
     /// weights.
-    fn float(
+    pub(super) fn float(
         &mut self,
         links: &mut [Link],
         groups: &[core::ops::Range<usize>],

@@ -8,14 +8,15 @@ use crate::antenna_calibration::MountedAntenna;
 use crate::attitude::VerticalMemory;
 use crate::baseline::Baselines;
 use crate::cycle_slip::Continuity;
-use crate::difference::Link;
+use crate::difference::{self, Link};
 use crate::ephemeris::NavigationData;
 use crate::float_solution::recursive::RecursiveFloat;
-use crate::float_solution::{Fit, FloatSolution};
+use crate::float_solution::{Fit, FloatSolution, NoFloat};
 use crate::frames::{Attitude, Body, Ned, Rotation};
 use crate::glonass_ifb::GlonassIfb;
 use crate::link_noise::LinkNoise;
 use crate::observation::ArrayEpoch;
+use crate::sky::Horizon;
 use crate::solution::{AttitudeEstimate, EpochSolution, LeftOut, Outcome, PredictionRole, Reason};
 use crate::time::GpsTime;
 
@@ -24,7 +25,7 @@ use super::acceptance::{Checks, Known, Scale};
 use super::array_misfit::ArrayMisfit;
 use super::direction::{Direction, Mirror};
 use super::fix::{Epoch, Fix};
-use super::locate::{Located, locate};
+use super::locate::{CommonFrame, Located, locate};
 use super::noise_levels::{NoiseLevels, Residuals};
 use super::orientation::{self, KnownBody, Orientation};
 use super::phase_changes::PhaseChanges;
@@ -167,6 +168,27 @@ impl Estimator {
         }
         self.located = located;
         row
+    }
+
+    /// The integers of an epoch if it is fixed, of which nothing is there but its links: observations of antennas
+    /// that are all about where `horizon` is, less what is computed for that place.
+    pub(crate) fn push_links(
+        &mut self,
+        time: GpsTime,
+        horizon: Horizon,
+        mut links: Vec<Link>,
+    ) -> Result<Option<Vec<f64>>, NoFloat> {
+        let time = self.settings.direction.running_time(time);
+        self.levels.begin(time);
+        let frame = CommonFrame::at_one_place(horizon, self.settings.antennas);
+        let groups = difference::group(&mut links);
+        let (float, code_fit) = self.float(&mut links, &groups, &frame, time)?;
+        let epoch = Epoch { time, frame, links, groups, float, code_fit, began_anew: false };
+        let fixed = self.fix(epoch, None);
+        let Judged { oriented, outcome, .. } = self.accept(self.orient(fixed));
+        let found = oriented.fixed.fix.found.ok();
+        let is_fixed = matches!(outcome, Outcome::Fixed { .. });
+        Ok(found.filter(|_| is_fixed).map(|found| found.integers))
     }
 
     /// Attitude, baselines and position of an epoch that is not to be believed: nothing is learnt from it but where phases

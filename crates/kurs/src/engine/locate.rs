@@ -52,6 +52,19 @@ pub(super) struct CommonFrame {
 }
 
 impl CommonFrame {
+    /// Of so many antennas that are all about where the horizon is.
+    pub(super) fn at_one_place(horizon: Horizon, antennas: usize) -> Self {
+        let place_m = horizon.geodetic.to_ecef();
+        Self {
+            reference: 0,
+            antennas: (0..antennas).collect(),
+            positions_m: vec![place_m; antennas],
+            approximate_m: vec![Vector::new(0.0, 0.0, 0.0); antennas - 1],
+            horizon,
+            contradiction: 0.0,
+        }
+    }
+
     /// Antennas that the baselines lead to.
     pub(super) fn rovers(&self) -> impl Iterator<Item = usize> {
         self.antennas.iter().copied().filter(|antenna| *antenna != self.reference)
