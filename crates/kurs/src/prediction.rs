@@ -1,5 +1,8 @@
-//! What accuracy an array will have under a sky, before any observation: standard deviations of the
-//! attitude and the chance to find the integers.
+//! What an engine will make of an array under a sky, before any observation: standard deviations of the
+//! attitude, and how often it fixes an epoch.
+//!
+//! The standard deviations are those of the engine's own estimates for given baselines; the epochs are simulated and
+//! go through its own searches and checks, so that nothing is promised which it would refuse.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::RngExt;
