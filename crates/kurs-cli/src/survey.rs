@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use kurs::engine::{Constraint, Engine, Settings};
 use kurs::observation::ArrayEpoch;
 use kurs::orientation::geometry::GeometryError;
+use kurs::orientation::moved::Moved;
 use kurs::orientation::survey::{Survey, SurveyedArray};
 use serde::Serialize;
 
@@ -107,9 +108,10 @@ fn survey_rows(
 }
 
 fn surveyed_array(survey: &Survey, names: &[String]) -> anyhow::Result<SurveyedArray> {
-    let named = |error: GeometryError| {
-        anyhow::anyhow!("{error} (antennas are counted from 0: {})", names.join(", "))
-    };
+    let named = |error: GeometryError| anyhow::anyhow!("{}", error.named(names));
+    if let Some(moved) = survey.moved() {
+        bail!("{}", moved_text(&moved, names));
+    }
     let array = survey.array().map_err(named).context(
         "too few epochs are fixed without known geometry; more satellites or bands help, or \
          measure by hand and compare with `kurs doctor`",
@@ -118,6 +120,32 @@ fn surveyed_array(survey: &Survey, names: &[String]) -> anyhow::Result<SurveyedA
         bail!("no epoch has fixed baselines to all antennas");
     }
     Ok(array)
+}
+
+/// Which antenna was moved, when, and by how much.
+fn moved_text(moved: &Moved, names: &[String]) -> String {
+    let antennas: Vec<&str> = moved.antennas.iter().map(|k| names[*k].as_str()).collect();
+    let who = match antennas[..] {
+        [only] => format!("antenna {only} was moved"),
+        [] => "antennas were moved".to_owned(),
+        _ => format!("antenna {} was moved", antennas.join(" or ")),
+    };
+    let changed = moved.distances.iter().map(|step| {
+        format!(
+            "{}-{} from {:.4} to {:.4} m ({:+.4} m)",
+            names[step.first],
+            names[step.second],
+            step.before_m,
+            step.after_m,
+            step.after_m - step.before_m
+        )
+    });
+    let [last, first] = moved.between;
+    format!(
+        "{who} between {last} and {first}, or its baselines are fixed wrongly on one side of that: {}; \
+         survey either side alone, with --to {last} or --from {first}",
+        changed.collect::<Vec<_>>().join(", ")
+    )
 }
 
 /// `survey.json`.
@@ -141,11 +169,10 @@ struct SurveyedAntenna<'a> {
 
 impl<'a> SurveyFile<'a> {
     fn new(array: &SurveyedArray, names: &'a [String], interrupted: bool) -> Self {
-        let sd_m = array.sd_m();
         let antenna = |(k, name): (usize, &'a String)| SurveyedAntenna {
             name,
             position_m: array.positions_m[k].xyz().into(),
-            sd_m: sd_m[k],
+            sd_m: array.sd_m[k],
             scatter_m: array.scatter_m[k],
         };
         Self {
@@ -166,7 +193,7 @@ fn block(array: &SurveyedArray, names: &[String]) -> String {
          # down.\n",
         array.fixes, array.independent
     );
-    let rows = names.iter().zip(&array.positions_m).zip(array.sd_m());
+    let rows = names.iter().zip(&array.positions_m).zip(&array.sd_m);
     for ((name, position), [x, y, z]) in rows {
         let p = position.xyz();
         let name = toml::Value::from(name.as_str());

@@ -168,8 +168,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if args.json {
         output::print_json(&file)?;
     } else if !args.quiet {
-        let (text, out) = (summary.text(), args.out.display());
-        output::print(format_args!("{text}\nwritten to {out}\n"))?;
+        // Notes are told already.
+        let (damage, _) = input.damage.split_at(input.damage.len() - input.notes.len());
+        let (text, damaged, out) = (summary.text(), damaged(damage), args.out.display());
+        output::print(format_args!("{text}{damaged}\nwritten to {out}\n"))?;
     }
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
@@ -320,7 +322,14 @@ fn orienter(
         return Ok(orienter);
     }
     let kind = if input.states_sd { "stated" } else { "assumed" };
-    if !args.quiet {
+    let steady = worst(&lengths).filter(|length| factor > 1.0 && length.is_steadily_off());
+    if let Some(length) = steady {
+        let off = length_text(length, &config.names());
+        eprintln!(
+            "{kind} standard deviations times {factor:.2}, but it is no noise: {off}; a wrong length, \
+             receivers that sample apart, or errors that last"
+        );
+    } else if !args.quiet {
         eprintln!("{kind} standard deviations times {factor:.2}, as the known distances show");
     }
     Ok(Orienter::new(OrienterSettings { sd_scale: factor, ..settings }).map_err(usage)?)
@@ -338,14 +347,25 @@ fn max_factor(lengths: &[Length], input: &Positions) -> f64 {
 
 /// Says that the known lengths do not fit, by the pair that fits worst.
 fn misfit_text(lengths: &[Length], names: &[String], factor: f64) -> String {
-    let worst = lengths.iter().max_by(|a, b| a.excess().total_cmp(&b.excess()));
-    worst.map_or_else(String::new, |Length { first, second, known_m, measured_m, scatter_m, .. }| {
+    worst(lengths).map_or_else(String::new, |length| {
         format!(
-            "the known lengths do not fit: {} to {} measured {measured_m:.2} ± {scatter_m:.2} m, \
-             configured {known_m:.2} m; only standard deviations {factor:.0} times larger would explain it",
-            names[*first], names[*second]
+            "the known lengths do not fit: {}; only standard deviations {factor:.0} times larger would explain it",
+            length_text(length, names)
         )
     })
+}
+
+/// The pair that is farthest from its known length.
+fn worst(lengths: &[Length]) -> Option<&Length> {
+    lengths.iter().max_by(|a, b| a.excess().total_cmp(&b.excess()))
+}
+
+fn length_text(length: &Length, names: &[String]) -> String {
+    let Length { first, second, known_m, measured_m, scatter_m, .. } = length;
+    format!(
+        "{} to {} measured {measured_m:.3} ± {scatter_m:.3} m, configured {known_m:.3} m",
+        names[*first], names[*second]
+    )
 }
 
 /// The array as the data have it, written to `array.toml`.
@@ -354,7 +374,9 @@ fn estimated_array(
     names: &[String],
     out: &Path,
 ) -> anyhow::Result<AntennaArray> {
+    let named = |error: geometry::GeometryError| anyhow::anyhow!("{}", error.named(names));
     let estimate = geometry::estimate(&input.epochs, names.len())
+        .map_err(named)
         .context("the array cannot be estimated (give `position_m`)")?;
     let mut file = OutputFile::create(out, "array.toml")?;
     file.write_all(array_text(&estimate, names).as_bytes())?;
@@ -369,7 +391,7 @@ fn array_text(estimate: &EstimatedGeometry, names: &[String]) -> String {
          # the next one off that line is in the x-y plane, z is down.\n",
         estimate.epochs
     );
-    let rows = names.iter().zip(&estimate.positions_m).zip(&estimate.spread_m);
+    let rows = names.iter().zip(&estimate.positions_m).zip(estimate.scatter_m());
     for ((name, position), [x, y, z]) in rows {
         let p = position.xyz();
         let _ = write!(

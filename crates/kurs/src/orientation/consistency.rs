@@ -9,6 +9,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::geometry::median;
+use super::survey::independent;
 use crate::attitude::coordinates::{CoordinateNormal, MeasuredPoint};
 use crate::attitude::{AttitudeError, LineDirection, Minimum};
 use crate::chi_square::chi_square_tail;
@@ -19,8 +21,16 @@ const FALSE_ALARMS: f64 = 1e-4;
 const SEPARATION: f64 = 15.0;
 /// Half of χ² that another attitude must cost more.
 const MIN_GAP: f64 = 8.0;
-/// Points off their line by less than this share of its length are on it.
-const LINE_RATIO: f64 = 1e-3;
+/// Antennas whose turn about their longest extent is less certain than this, rad, are taken to be on a
+/// line: at `σ/h = 1/2` the two ways to lie, `2h` apart, differ by `½ (2h/σ)² = 8` in half of χ²,
+/// [`MIN_GAP`].
+const LINE_TURN_RAD: f64 = 0.5;
+/// Extents of more than this share of the longest are no line, however uncertain the points are: the
+/// longest one is none to go by.
+const LINE_RATIO: f64 = 1.0 / 6.0;
+/// Degrees of freedom that the stated or assumed variances count for beside what the lengths show: they
+/// are right to a factor of `1 ± √(2/4)`, about one and a half in the standard deviations.
+const PRIOR_DEGREES: f64 = 4.0;
 
 /// The body laid onto the measured points.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,17 +112,24 @@ pub fn consistent_fit(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
 }
 
 /// The factor by which the stated variances must be multiplied so that half of the epochs have more
-/// than the median of χ²; `None` without redundant epochs.
+/// than the median of χ², as far as the epochs can tell; `None` without redundant epochs.
+///
+/// `f = (ν₀ + ν f_median) / (ν₀ + ν)`, `ν` the degrees of freedom of independent epochs.
 #[must_use]
 pub fn variance_factor(epochs: impl Iterator<Item = Vec<MeasuredPoint>>) -> Option<f64> {
-    let mut ratios: Vec<f64> = epochs
+    let (ratios, degrees): (Vec<f64>, Vec<f64>) = epochs
         .filter_map(|points| {
             let fit = fit(&points).ok()?;
-            Some(fit.chi_squared / chi_squared_median(fit.degrees_of_freedom))
+            let ratio = fit.chi_squared / chi_squared_median(fit.degrees_of_freedom);
+            Some((ratio, fit.degrees_of_freedom as f64))
         })
-        .collect();
-    ratios.sort_by(f64::total_cmp);
-    ratios.get(ratios.len() / 2).copied()
+        .unzip();
+    if ratios.is_empty() {
+        return None;
+    }
+    let count = ratios.len() as f64;
+    let degrees = degrees.iter().sum::<f64>() * independent(&ratios) / count;
+    Some((PRIOR_DEGREES + degrees * median(ratios)) / (PRIOR_DEGREES + degrees))
 }
 
 /// The fit of all points, consistent or not.
@@ -121,9 +138,16 @@ pub fn variance_factor(epochs: impl Iterator<Item = Vec<MeasuredPoint>>) -> Opti
 ///
 /// [`NoFit`], but never [`NoFit::Inconsistent`].
 pub fn fit(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
-    match points {
-        [] | [_] => Err(NoFit::TooFew),
-        _ => line_axis(points).map_or_else(|| fit_body(points), |axis| fit_line(points, axis)),
+    if points.len() < 2 {
+        return Err(NoFit::TooFew);
+    }
+    match long_axis(points) {
+        Some((axis, turn_sd_rad)) if turn_sd_rad > LINE_TURN_RAD => fit_line(points, &axis),
+        Some((axis, _)) => fit_body(points).or_else(|no_fit| match no_fit {
+            NoFit::TwoMinima => fit_line(points, &axis),
+            _ => Err(no_fit),
+        }),
+        None => fit_body(points),
     }
 }
 
@@ -139,23 +163,28 @@ fn fit_body(points: &[MeasuredPoint]) -> Result<ArrayFit, NoFit> {
     Ok(ArrayFit::new(kind, points, 6, |p| origin + rotation * p))
 }
 
-/// Antennas on one line: positions along it are all that counts.
-fn fit_line(points: &[MeasuredPoint], axis: Vector3<f64>) -> Result<ArrayFit, NoFit> {
-    let first = points[0].body_m;
-    let along = |body: &Vector3<f64>| axis.dot(&(body - first));
-    let on_line: Vec<MeasuredPoint> = points
-        .iter()
-        .map(|point| MeasuredPoint { body_m: axis * along(&point.body_m), ..*point })
-        .collect();
+/// Antennas on one line: positions along it are all that counts. How far they are off it, to an
+/// unknown side, is as if they were measured worse.
+fn fit_line(points: &[MeasuredPoint], axis: &Vector3<f64>) -> Result<ArrayFit, NoFit> {
+    let centre = centre_m(points);
+    let on_line = |point: &MeasuredPoint| {
+        let offset = point.body_m - centre;
+        let body_m = axis * axis.dot(&offset);
+        let off_m2 = (offset - body_m).norm_squared();
+        // Information is diagonal in local level axes.
+        let worse = |information: f64| information / (1.0 + information * off_m2);
+        MeasuredPoint { body_m, information: point.information.map(worse), ..*point }
+    };
+    let on_line: Vec<MeasuredPoint> = points.iter().map(on_line).collect();
     let normal = CoordinateNormal::new(&on_line).map_err(no_fit)?;
-    let direction = normal.problem.direction(&axis).map_err(no_fit)?;
+    let direction = normal.problem.direction(axis).map_err(no_fit)?;
     if direction.cost_gap.is_some_and(|gap| gap < MIN_GAP) {
         return Err(NoFit::TwoMinima);
     }
     // Only Q e = u matters to points on the line.
     let origin = normal.origin_m(&(direction.unit * axis.transpose()));
-    let kind = FitKind::Line { axis, direction };
-    Ok(ArrayFit::new(kind, points, 5, |body| origin + direction.unit * along(body)))
+    let kind = FitKind::Line { axis: *axis, direction };
+    Ok(ArrayFit::new(kind, &on_line, 5, |body| origin + direction.unit * axis.dot(body)))
 }
 
 fn no_fit(error: AttitudeError) -> NoFit {
@@ -165,14 +194,27 @@ fn no_fit(error: AttitudeError) -> NoFit {
     }
 }
 
-/// The line on which all points are, from the first to the farthest; `None` if they are not on one.
-fn line_axis(points: &[MeasuredPoint]) -> Option<Vector3<f64>> {
-    let first = points[0].body_m;
-    let offsets = points.iter().map(|point| point.body_m - first);
-    let farthest = offsets.clone().max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
-    let length = farthest.norm();
-    let axis = farthest / length;
-    offsets.clone().all(|offset| axis.cross(&offset).norm() < LINE_RATIO * length).then_some(axis)
+/// The longest extent of a long and thin array, pointing away from its first antenna, and the standard
+/// deviation of a turn about it as the noise of the points lets it be; `None` for other arrays.
+fn long_axis(points: &[MeasuredPoint]) -> Option<(Vector3<f64>, f64)> {
+    let centre = centre_m(points);
+    let offsets = points.iter().map(|point| point.body_m - centre);
+    let spread: Matrix3<f64> = offsets.map(|offset| offset * offset.transpose()).sum();
+    let eigen = spread.symmetric_eigen();
+    let longest = eigen.eigenvalues.imax();
+    let axis: Vector3<f64> = eigen.eigenvectors.column(longest).into();
+    let others = (0..3).filter(|k| *k != longest).map(|k| eigen.eigenvalues[k]);
+    // Exact lines leave rounding errors.
+    let (along_m2, across_m2) = (eigen.eigenvalues[longest], others.fold(0.0, f64::max));
+    let least = points.iter().map(|p| p.information.diagonal().min()).fold(f64::INFINITY, f64::min);
+    let turn_sd_rad = (across_m2 * least).sqrt().recip();
+    let is_backward = axis.dot(&(points[0].body_m - centre)) > 0.0;
+    (across_m2 < LINE_RATIO.powi(2) * along_m2)
+        .then_some((if is_backward { -axis } else { axis }, turn_sd_rad))
+}
+
+fn centre_m(points: &[MeasuredPoint]) -> Vector3<f64> {
+    points.iter().map(|point| point.body_m).sum::<Vector3<f64>>() / points.len() as f64
 }
 
 impl ArrayFit {
@@ -254,6 +296,48 @@ mod tests {
             let found = chi_squared_median(k);
             assert!((found / expected - 1.0).abs() < share, "{k}: {found}");
         }
+    }
+
+    /// Noise of a centimetre, `off` across a line of three metres.
+    fn nearly_a_line(off_m: f64) -> Vec<MeasuredPoint> {
+        let rotation = exponential(&Vector3::new(0.05, -0.02, 2.0));
+        let point = |[x, y]: [f64; 2]| {
+            let body_m = Vector3::new(x, y, 0.0);
+            let measured_m = rotation * body_m;
+            MeasuredPoint { body_m, measured_m, information: Matrix3::identity() / (0.01 * 0.01) }
+        };
+        [[0.0, 0.0], [1.5, 0.0], [-1.5, off_m]].map(point).into()
+    }
+
+    /// What noise hides is a line; what it does not hide gives the turn about it, well or badly.
+    #[test]
+    fn antennas_nearly_on_a_line_keep_its_direction() {
+        for off_m in [0.0, 0.005, 0.01, 0.02, 0.03] {
+            let fit = consistent_fit(&nearly_a_line(off_m)).unwrap();
+            let FitKind::Line { axis, direction } = fit.kind else { panic!("{off_m}") };
+            assert!(axis.x.abs() > 0.99 && direction.max_sd_rad() < 0.01, "{axis} {direction:?}");
+            let expected = exponential(&Vector3::new(0.05, -0.02, 2.0)) * axis;
+            assert!((direction.unit - expected).norm() < 0.5 * off_m / 1.5 + 1e-9);
+        }
+        assert!(consistent_fit(&nearly_a_line(0.06)).is_ok());
+        for off_m in [0.2, 1.0] {
+            let fit = consistent_fit(&nearly_a_line(off_m)).unwrap();
+            assert!(fit.rotation().is_some(), "{off_m}");
+        }
+    }
+
+    /// One epoch says little of the scale, a thousand say all.
+    #[test]
+    fn few_epochs_change_the_standard_deviations_little() {
+        let factor = |epochs: usize, by_m: f64| {
+            let epoch = |k: usize| {
+                square(2, 1, Vector3::new(by_m * (1.0 - 2.0 * (k % 2) as f64), 0.0, 0.0))
+            };
+            variance_factor((0..epochs).map(epoch)).unwrap()
+        };
+        assert!((0.79..0.81).contains(&factor(1, 1e-5)), "{}", factor(1, 1e-5));
+        assert!(factor(1, 1.0) > 100.0);
+        assert!(variance_factor(std::iter::empty()).is_none());
     }
 
     #[test]

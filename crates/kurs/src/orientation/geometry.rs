@@ -6,8 +6,12 @@
 //! antenna is the origin, x goes through the second, the third is in the x–y plane, and z points
 //! down on the average. Distances do not tell a shape from its mirror image: the data do, unless the
 //! antennas are in a plane.
+//!
+//! To first order the averaged shape in these axes is the mean of the coordinates that every epoch
+//! alone has in them. Their scatter tells how well each coordinate is known; residuals of the shape on
+//! an epoch do not, because the turn that lays it on takes up a part of the noise.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Vector3};
 
 use super::{AntennaFix, PositionEpoch};
 use crate::attitude::coordinates;
@@ -22,19 +26,30 @@ const MIN_EPOCHS: usize = 10;
 const TRIM: f64 = 4.0;
 /// Normal standard deviation over median absolute deviation.
 const DEVIATION_OF_MEDIAN: f64 = 1.4826;
+/// Epochs on which the shape lies worse than the median by more than this factor are outliers.
+const OUTLIER: f64 = 3.0;
 /// Rounds of laying on and averaging.
 const ROUNDS: usize = 20;
-/// An extent below this share of the largest is flat.
+/// An antenna nearer to the line of the first two than this share of its distance does not tell the
+/// plane, if another one is farther from it.
 const FLAT_RATIO: f64 = 0.05;
+/// Rounding errors of scaled coordinates, a root of those of squared distances, are below this share.
+const ROUNDING: f64 = 1e-6;
+/// Antennas are on one line where their squared extent across it scatters from epoch to epoch by more
+/// than this share of its median. Noise alone scatters by 1.03 in two directions and by 0.83 in
+/// three, an extent of `h` deviations of one epoch by `2/h`: less than three of them are not told from
+/// noise, which would bend the line by as much as itself.
+const LINE_SCATTER: f64 = 2.0 / 3.0;
 
 /// Antenna positions found from the data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EstimatedGeometry {
     /// Positions in body axes, m.
     pub positions_m: Vec<Vector<Body>>,
-    /// Root mean square, per axis, of each antenna's residuals about its position, m: the scatter of
-    /// one epoch. The mean is better by the root of the epochs.
-    pub spread_m: Vec<[f64; 3]>,
+    /// Coordinates of each antenna as every epoch alone has them, m, in the order of time. Those that
+    /// the axes define are exactly zero. Of antennas on one line, y and z are equal shares of the
+    /// distance from it.
+    pub coordinates_m: Vec<Vec<Vector3<f64>>>,
     /// Epochs used.
     pub epochs: usize,
 }
@@ -54,6 +69,16 @@ pub enum GeometryError {
     },
 }
 
+impl GeometryError {
+    /// The message with the names of the antennas.
+    #[must_use]
+    pub fn named(&self, names: &[String]) -> String {
+        let Self::TooFewEpochs { first, second, epochs } = self;
+        let (first, second) = (&names[*first], &names[*second]);
+        format!("antennas {first} and {second} share {epochs} epochs, {MIN_EPOCHS} are needed")
+    }
+}
+
 /// One epoch in local level axes at its first antenna.
 type LocalPoints = Vec<Option<Vector3<f64>>>;
 
@@ -70,21 +95,34 @@ pub fn estimate(
     let sample: Vec<&PositionEpoch> = epochs.iter().step_by(step).collect();
     let squared_m2 = squared_distances(&sample, antennas)?;
     let local: Vec<LocalPoints> = sample.iter().map(|epoch| local_points(epoch)).collect();
-    let scaled = classical_scaling(&squared_m2);
+    let scaled = without_bend(classical_scaling(&squared_m2), &local);
     let mirrored: Vec<Vector3<f64>> = scaled.iter().map(|p| Vector3::new(p.x, p.y, -p.z)).collect();
     let shape = [scaled, mirrored]
         .map(|shape| refined(shape, &local))
         .into_iter()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map_or_else(Vec::new, |(shape, _)| shape);
-    let axes = body_axes(&shape, &local);
-    let positions: Vec<Vector3<f64>> = shape.iter().map(|p| axes * (p - shape[0])).collect();
-    let spread_m = spread(&positions, &local);
+    let axes = Axes::of(&shape, &local);
+    let positions_m = axes.coordinates(&shape.iter().copied().map(Some).collect::<Vec<_>>());
+    let positions_m = positions_m.into_iter().map(Option::unwrap_or_default);
     Ok(EstimatedGeometry {
-        positions_m: positions.into_iter().map(Vector::from_xyz).collect(),
-        spread_m,
+        coordinates_m: coordinates(&axes, &shape, &local),
+        positions_m: positions_m.map(Vector::from_xyz).collect(),
         epochs: sample.len(),
     })
+}
+
+impl EstimatedGeometry {
+    /// Root mean square of one epoch about the position of each antenna, for each axis, m.
+    #[must_use]
+    pub fn scatter_m(&self) -> Vec<[f64; 3]> {
+        let scatter = |(position, epochs): (&Vector<Body>, &Vec<Vector3<f64>>)| {
+            let off = epochs.iter().map(|epoch| epoch - position.xyz());
+            let squares: Vector3<f64> = off.map(|off| off.component_mul(&off)).sum();
+            (squares / epochs.len().max(1) as f64).map(f64::sqrt).into()
+        };
+        self.positions_m.iter().zip(&self.coordinates_m).map(scatter).collect()
+    }
 }
 
 /// Mean squared distances without their noise, m².
@@ -118,8 +156,7 @@ fn squared_distances(
 /// scatter along the line shows `s²`.
 fn squared_distance(distances: &[f64]) -> f64 {
     let centre = median(distances.to_vec());
-    let deviations: Vec<f64> = distances.iter().map(|d| (d - centre).abs()).collect();
-    let deviation = DEVIATION_OF_MEDIAN * median(deviations);
+    let deviation = scatter(distances);
     let kept: Vec<f64> = distances
         .iter()
         .copied()
@@ -129,7 +166,13 @@ fn squared_distance(distances: &[f64]) -> f64 {
     (mean - 3.0 * deviation * deviation).max(0.25 * mean)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// Standard deviation that outliers do not reach.
+pub(super) fn scatter(values: &[f64]) -> f64 {
+    let centre = median(values.to_vec());
+    DEVIATION_OF_MEDIAN * median(values.iter().map(|value| (value - centre).abs()).collect())
+}
+
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
@@ -153,6 +196,22 @@ fn classical_scaling(squared_m2: &DMatrix<f64>) -> Vec<Vector3<f64>> {
         .collect()
 }
 
+/// The shape, on a line if nothing but noise takes it off one.
+///
+/// The second of the scaled coordinates, `v`, has the sum zero: `‖Σ vₖ pₖ‖` of an epoch is its extent
+/// in that direction, however the body stands.
+fn without_bend(shape: Vec<Vector3<f64>>, local: &[LocalPoints]) -> Vec<Vector3<f64>> {
+    let extent = |points: &LocalPoints| -> Option<f64> {
+        let across = shape.iter().zip(points).map(|(place, point)| Some(place.y * (*point)?));
+        Some(across.sum::<Option<Vector3<f64>>>()?.norm_squared())
+    };
+    let extents: Vec<f64> = local.iter().filter_map(extent).collect();
+    if extents.is_empty() || scatter(&extents) <= LINE_SCATTER * median(extents) {
+        return shape;
+    }
+    shape.into_iter().map(|place| Vector3::new(place.x, 0.0, 0.0)).collect()
+}
+
 /// The shape laid onto every epoch and averaged until it stands; the median of the residuals, m.
 fn refined(mut shape: Vec<Vector3<f64>>, local: &[LocalPoints]) -> (Vec<Vector3<f64>>, f64) {
     let mut misfit = f64::INFINITY;
@@ -165,7 +224,9 @@ fn refined(mut shape: Vec<Vector3<f64>>, local: &[LocalPoints]) -> (Vec<Vector3<
         misfit = median(residuals);
         let mut sums = vec![(Vector3::zeros(), 0.0); shape.len()];
         for (fit, points) in fits.iter().zip(local) {
-            let Some(fit) = fit.filter(|fit| fit.residual_rms_m <= 3.0 * misfit) else { continue };
+            let Some(fit) = fit.filter(|fit| fit.residual_rms_m <= OUTLIER * misfit) else {
+                continue;
+            };
             for (sum, point) in sums.iter_mut().zip(points) {
                 if let Some(point) = point {
                     sum.0 += fit.rotation.transpose() * (point - fit.origin_m);
@@ -200,51 +261,80 @@ fn local_points(epoch: &PositionEpoch) -> LocalPoints {
     epoch.antennas.iter().map(|fix| fix.as_ref().map(offset)).collect()
 }
 
-/// Rotation from the axes of the shape to body axes: x through the second antenna, the first
-/// antenna off that line in the x–y plane, z down on the average.
-fn body_axes(shape: &[Vector3<f64>], local: &[LocalPoints]) -> Matrix3<f64> {
-    let x = shape[1] - shape[0];
-    let off_line = shape
-        .iter()
-        .map(|p| p - shape[0])
-        .find(|offset| x.cross(offset).norm() > FLAT_RATIO * x.norm() * offset.norm().max(1e-3));
-    let Some(side) = off_line else {
-        // A line: any direction across it will do.
-        let mut across = Vector3::zeros();
-        across[x.iamin()] = 1.0;
-        return triad([&x, &across], [&Vector3::x(), &Vector3::y()])
-            .unwrap_or_else(|_| Matrix3::identity());
-    };
-    let body_from_shape = |y: Vector3<f64>| {
-        triad([&x, &side], [&Vector3::x(), &y]).unwrap_or_else(|_| Matrix3::identity())
-    };
-    let right = body_from_shape(Vector3::y());
-    let z_in_shape = right.transpose() * Vector3::z();
-    let down: f64 = local
-        .iter()
-        .filter_map(|points| lay_on(shape, points))
-        .map(|fit| (fit.rotation * z_in_shape).z)
-        .sum();
-    if down >= 0.0 { right } else { body_from_shape(-Vector3::y()) }
+/// The antennas that define the axes: x from the first through the second; with one off that line in
+/// the x–y plane and z down on the average.
+#[derive(Debug, Clone, Copy)]
+struct Axes {
+    /// The antenna in the x–y plane, and the direction of y to which it lies; `None` on a line.
+    side: Option<(usize, f64)>,
 }
 
-/// Root mean square residuals of each antenna in body axes.
-fn spread(positions: &[Vector3<f64>], local: &[LocalPoints]) -> Vec<[f64; 3]> {
-    let mut sums = vec![(Vector3::zeros(), 0.0); positions.len()];
-    let fits: Vec<_> = local.iter().map(|points| lay_on(positions, points)).collect();
-    let misfit = fits.iter().flatten().map(|fit| fit.residual_rms_m).collect::<Vec<_>>();
-    let limit = if misfit.is_empty() { 0.0 } else { 3.0 * median(misfit) };
-    for (fit, points) in fits.iter().zip(local) {
-        let Some(fit) = fit.filter(|fit| fit.residual_rms_m <= limit) else { continue };
-        for ((sum, position), point) in sums.iter_mut().zip(positions).zip(points) {
-            if let Some(point) = point {
-                let residual = fit.rotation.transpose() * (point - fit.origin_m) - position;
-                sum.0 += residual.component_mul(&residual);
-                sum.1 += 1.0;
+impl Axes {
+    fn of(shape: &[Vector3<f64>], local: &[LocalPoints]) -> Self {
+        let x = (shape[1] - shape[0]).normalize();
+        let from_line = |k: &usize| x.cross(&(shape[*k] - shape[0])).norm();
+        let is_off = |k: &usize| from_line(k) > FLAT_RATIO * (shape[*k] - shape[0]).norm();
+        let farthest = || (2..shape.len()).max_by(|a, b| from_line(a).total_cmp(&from_line(b)));
+        let side = (2..shape.len()).find(is_off).or_else(farthest);
+        let bends = |side: &usize| from_line(side) > ROUNDING * (shape[*side] - shape[0]).norm();
+        let Some(side) = side.filter(bends) else { return Self { side: None } };
+        let down_in_shape = x.cross(&(shape[side] - shape[0]));
+        let fits = local.iter().filter_map(|points| lay_on(shape, points));
+        let down: f64 = fits.map(|fit| (fit.rotation * down_in_shape).z).sum();
+        Self { side: Some((side, if down >= 0.0 { 1.0 } else { -1.0 })) }
+    }
+
+    /// Coordinates in these axes; none where one of the antennas that define them is missing.
+    fn coordinates(&self, points: &[Option<Vector3<f64>>]) -> Vec<Option<Vector3<f64>>> {
+        let none = || vec![None; points.len()];
+        let (Some(origin), Some(second)) = (points[0], points[1]) else { return none() };
+        let Some(x) = (second - origin).try_normalize(0.0) else { return none() };
+        let mut body: Vec<Option<Vector3<f64>>> = match self.side {
+            None => {
+                let on_line = |point: &Vector3<f64>| {
+                    let across = x.cross(&(point - origin)).norm() / 2f64.sqrt();
+                    Vector3::new(x.dot(&(point - origin)), across, across)
+                };
+                points.iter().map(|point| point.as_ref().map(on_line)).collect()
+            }
+            Some((side, y)) => {
+                let Some(third) = points[side] else { return none() };
+                let turn = triad([&x, &(third - origin)], [&Vector3::x(), &(y * Vector3::y())]);
+                let Ok(turn) = turn else { return none() };
+                points.iter().map(|point| point.map(|p| turn * (p - origin))).collect()
+            }
+        };
+        // What the axes define is zero, not nearly.
+        body[0] = Some(Vector3::zeros());
+        body[1] = body[1].map(|p| Vector3::new(p.x, 0.0, 0.0));
+        if let Some((side, _)) = self.side {
+            body[side] = body[side].map(|p| Vector3::new(p.x, p.y, 0.0));
+        }
+        body
+    }
+}
+
+/// Coordinates of every antenna in the epochs on which the shape lies as on most.
+fn coordinates(
+    axes: &Axes,
+    shape: &[Vector3<f64>],
+    local: &[LocalPoints],
+) -> Vec<Vec<Vector3<f64>>> {
+    let misfit_m = |points: &LocalPoints| match axes.side {
+        Some(_) => Some(lay_on(shape, points)?.residual_rms_m),
+        None => Some((axes.coordinates(points)[1]?.x - (shape[1] - shape[0]).norm()).abs()),
+    };
+    let outlier = if axes.side.is_some() { OUTLIER } else { TRIM * DEVIATION_OF_MEDIAN };
+    let misfits_m: Vec<Option<f64>> = local.iter().map(misfit_m).collect();
+    let known_m: Vec<f64> = misfits_m.iter().flatten().copied().collect();
+    let limit_m = if known_m.is_empty() { 0.0 } else { outlier * median(known_m) };
+    let mut coordinates = vec![Vec::new(); shape.len()];
+    for (points, misfit_m) in local.iter().zip(misfits_m) {
+        if misfit_m.is_some_and(|misfit_m| misfit_m <= limit_m) {
+            for (all, own) in coordinates.iter_mut().zip(axes.coordinates(points)) {
+                all.extend(own);
             }
         }
     }
-    sums.into_iter()
-        .map(|(sum, count)| (sum / f64::max(count, 1.0)).map(f64::sqrt).into())
-        .collect()
+    coordinates
 }

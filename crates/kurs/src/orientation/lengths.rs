@@ -5,10 +5,8 @@
 
 use std::collections::BTreeMap;
 
+use super::geometry::{median, scatter};
 use crate::attitude::coordinates::MeasuredPoint;
-
-/// Normal standard deviation over median absolute deviation.
-const DEVIATION_OF_MEDIAN: f64 = 1.4826;
 
 /// The length between two antennas over many epochs.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +31,17 @@ impl Length {
     pub fn excess(&self) -> f64 {
         (self.measured_m - self.known_m).abs() / self.stated_sd_m
     }
+
+    /// Whether it is off in nearly every epoch alike, by more than its noise.
+    #[must_use]
+    pub fn is_steadily_off(&self) -> bool {
+        self.excess() > 1.0 && (self.measured_m - self.known_m).abs() > STEADY_SD * self.scatter_m
+    }
 }
+
+/// A median length so many deviations of one epoch off is off in every epoch: noise of which the median
+/// is the same would lie on one side only.
+const STEADY_SD: f64 = 3.0;
 
 /// One pair in every epoch.
 #[derive(Debug, Default)]
@@ -65,18 +73,11 @@ pub(super) fn of(epochs: impl Iterator<Item = Vec<(usize, MeasuredPoint)>>) -> V
     }
     let length = |((first, second), measured): ((usize, usize), Measured)| {
         let Measured { known_m, lengths_m, stated_sd_m } = measured;
-        let measured_m = median(lengths_m.clone());
-        let off_m = lengths_m.into_iter().map(|length_m| (length_m - measured_m).abs());
-        let scatter_m = DEVIATION_OF_MEDIAN * median(off_m.collect());
+        let (measured_m, scatter_m) = (median(lengths_m.clone()), scatter(&lengths_m));
         let stated_sd_m = median(stated_sd_m);
         Length { first, second, known_m, measured_m, scatter_m, stated_sd_m }
     };
     pairs.into_iter().map(length).collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 #[cfg(test)]
@@ -101,5 +102,6 @@ mod tests {
         assert!((length.scatter_m - 0.014_826).abs() < 1e-9);
         assert!((length.stated_sd_m - 0.01 * 2f64.sqrt()).abs() < 1e-12);
         assert!((length.excess() - 0.5 / 0.014_142_135_6).abs() < 1e-6);
+        assert!(length.is_steadily_off());
     }
 }

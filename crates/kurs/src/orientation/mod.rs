@@ -4,11 +4,12 @@
 //! Receivers that are off, floating or jumped, betray themselves by the known distances and are left
 //! out, or the epoch is refused ([`consistency`]). Antennas on one line leave a turn open, of which
 //! the last whole attitude tells for a while ([`crate::attitude::line`]). Where nobody has measured
-//! the array, the data do ([`geometry`]).
+//! the array, the data do ([`geometry`]), unless an antenna was moved meanwhile ([`moved`]).
 
 pub mod consistency;
 pub mod geometry;
 pub mod lengths;
+pub mod moved;
 pub mod survey;
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -17,7 +18,7 @@ use crate::array::AntennaArray;
 use crate::attitude::coordinates::MeasuredPoint;
 use crate::attitude::installation::survey_turn_rad2;
 use crate::attitude::weighted::logarithm;
-use crate::attitude::{AttitudeError, MeasuredLine, VerticalMemory, three_point};
+use crate::attitude::{AttitudeError, MeasuredLine, Minimum, VerticalMemory, three_point};
 use crate::frames::{Body, Ecef, Geodetic, Ned, Rotation, Vector, enu_from_ned};
 use crate::solution::{
     AttitudeEstimate, BaselineEstimate, EpochSolution, Outcome, PointEstimate, PositionEstimate,
@@ -276,7 +277,8 @@ impl Orienter {
         let is_weak = match &fit.kind {
             // How uncertain the turn about the line is says nothing about the coordinates.
             FitKind::Line { direction, .. } => direction.max_sd_rad() > max_sd_rad,
-            FitKind::Body { .. } => certain != attitude,
+            // Nor does the least certain turn of a body, about an array that is long and thin.
+            FitKind::Body { minimum, .. } => second_sd_rad(minimum) > max_sd_rad,
         };
         row.outcome = match doubt.or(is_weak.then_some(Reason::WeakModel)) {
             None => Outcome::Fixed { attitude: certain },
@@ -343,6 +345,14 @@ fn position(position_m: Vector<Ecef>, covariance_m2: Matrix3<f64>) -> PositionEs
         hdop: None,
         origin: PositionOrigin::Alone,
     }
+}
+
+/// The second largest of the standard deviations that turns about the principal axes have.
+fn second_sd_rad(minimum: &Minimum) -> f64 {
+    let covariance = minimum.covariance().unwrap_or_default();
+    let variances = covariance.symmetric_eigenvalues();
+    let middle = variances.sum() - variances.max() - variances.min();
+    middle.max(0.0).sqrt()
 }
 
 /// The first antenna, while the attitude is unknown.

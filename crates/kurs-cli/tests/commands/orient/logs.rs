@@ -90,7 +90,7 @@ fn a_wrong_length_is_inconsistent_in_every_epoch() {
             "{rows:?}"
         );
         assert!(messages.contains("A to B measured 10.00"), "{messages}");
-        assert!(messages.contains("configured 2.00 m") && messages.contains("nothing was fixed"));
+        assert!(messages.contains("configured 2.000 m") && messages.contains("nothing was fixed"));
         let (code, ..) = orient(&a.text(), &b.text(), &["--require-fix", "0"]);
         assert_eq!(code, 0);
     }
