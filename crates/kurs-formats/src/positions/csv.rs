@@ -3,15 +3,16 @@
 //! Time: `gps_week, tow_s`, or `time_utc` (`2024-05-01T12:00:00.5Z`, or with another zone,
 //! `2024-05-01 14:00:00.5+02:00`), or `time_gpst`. Antenna: `name`. Place:
 //! `latitude_deg, longitude_deg, height_m` (WGS 84, above the ellipsoid) or `x_m, y_m, z_m` (ECEF).
-//! Optional: `sd_north_m, sd_east_m, sd_down_m`, and `status` with the words of Kurs, by which rows
-//! without a solution are left out. Other columns are passed over.
+//! Optional: `sd_north_m, sd_east_m, sd_down_m` (or `sd_up_m`), all three or none, and `status` with the
+//! words of Kurs, by which rows without a solution are left out. Other columns are passed over, but none
+//! whose name begins with `sd_`.
 
 use std::collections::BTreeMap;
 
 use kurs::frames::{Ecef, Geodetic, Vector};
 use kurs::time::{Calendar, GpsTime};
 
-use super::{PositionFix, Quality, checked_place};
+use super::{PositionFix, Quality, checked_place, last_digit, last_digit_ned_m};
 use crate::damage::DamageLog;
 use crate::source::{ReadError, Source};
 
@@ -48,6 +49,8 @@ enum PlaceColumns {
 
 /// Columns that a table can have.
 const FIELDS_MAX: usize = 64;
+/// Characters of a header that a message repeats.
+const HEADER_MAX: usize = 200;
 /// Other names that are told; a column of numbers must not fill the memory.
 const OTHERS_MAX: usize = 100;
 
@@ -91,6 +94,24 @@ pub fn read(
     Ok(others)
 }
 
+/// Columns of standard deviations north, east and down: all of them or none, and no others.
+fn sd_columns(names: &[&str]) -> Result<Option<[usize; 3]>, String> {
+    const EXPECTED: &str = "expected `sd_north_m`, `sd_east_m` and `sd_down_m` (or `sd_up_m`)";
+    let known = [&["sd_north_m"][..], &["sd_east_m"], &["sd_down_m", "sd_up_m"]];
+    let is_strange = |name: &&&str| name.starts_with("sd_") && !known.concat().contains(*name);
+    if let Some(name) = names.iter().find(is_strange) {
+        return Err(format!("column `{name}` is no standard deviation of a place: {EXPECTED}"));
+    }
+    let found = known.map(|same| names.iter().position(|name| same.contains(name)));
+    if let [Some(north), Some(east), Some(down)] = found {
+        return Ok(Some([north, east, down]));
+    }
+    match (0..3).find(|k| found[*k].is_none()).filter(|_| found.iter().any(Option::is_some)) {
+        Some(missing) => Err(format!("column `{}` is missing: {EXPECTED}", known[missing][0])),
+        None => Ok(None),
+    }
+}
+
 impl Columns {
     fn of(header: &str) -> Result<Self, String> {
         let names: Vec<&str> = header
@@ -100,7 +121,14 @@ impl Columns {
             .collect();
         let find = |name: &str| names.iter().position(|found| *found == name);
         let three = |[a, b, c]: [&str; 3]| Some([find(a)?, find(b)?, find(c)?]);
-        let missing = |what: &str| format!("column {what} is missing; found: {header}");
+        let found: String = header.chars().take(HEADER_MAX).collect();
+        let ends = if found.len() < header.len() { "…" } else { "" };
+        // Line ends of old Macintoshes make one line of the whole file.
+        let one_line = if header.contains('\r') { " (its lines end with CR alone)" } else { "" };
+        let missing = |what: &str| {
+            let found = found.replace('\r', " ");
+            format!("column {what} is missing{one_line}; found: {found}{ends}")
+        };
 
         let week_tow = find("gps_week").zip(find("tow_s"));
         let time = match (week_tow, find("time_utc"), find("time_gpst")) {
@@ -122,7 +150,7 @@ impl Columns {
             time,
             name: find("name").ok_or_else(|| missing("`name`"))?,
             place,
-            sd: three(["sd_north_m", "sd_east_m", "sd_down_m"]),
+            sd: sd_columns(&names)?,
             status: find("status"),
             count: names.len(),
         })
@@ -138,11 +166,13 @@ impl Columns {
         };
         let time = self.time(fields)?;
         let Some(quality) = self.quality(fields)? else { return Ok(Row::WithoutSolution) };
+        let (position_m, last_digit_ned_m) = self.place(fields)?;
         Ok(Row::Fix(PositionFix {
             time,
             antenna,
-            position_m: self.place(fields)?,
+            position_m,
             sd_ned_m: self.sd(fields)?,
+            last_digit_ned_m,
             quality,
             is_above_geoid: false,
         }))
@@ -182,26 +212,40 @@ impl Columns {
         }
     }
 
-    fn place(&self, fields: &[&[u8]]) -> Result<Vector<Ecef>, String> {
-        checked_place(match self.place {
+    /// The place, with its last digits north, east and down, m.
+    fn place(&self, fields: &[&[u8]]) -> Result<(Vector<Ecef>, [f64; 3]), String> {
+        // Writers that drop zeros at the end drop them on all coordinates but few at a time.
+        let finest = |columns: &[usize]| -> Result<f64, String> {
+            columns.iter().try_fold(f64::INFINITY, |finest, column| {
+                Ok(last_digit(text(fields[*column])?).min(finest))
+            })
+        };
+        let (position_m, last_digit_ned_m) = match self.place {
             PlaceColumns::Ecef(columns) => {
                 let [x, y, z] = numbers(fields, columns)?;
-                Vector::new(x, y, z)
+                (Vector::new(x, y, z), [finest(&columns)?; 3])
             }
             PlaceColumns::Geodetic(columns) => {
                 let [latitude, longitude, height] = numbers(fields, columns)?;
                 if latitude.abs() > 90.0 || longitude.abs() > 360.0 {
                     return Err(format!("no place: latitude {latitude}, longitude {longitude}"));
                 }
-                Geodetic::from_degrees(latitude, longitude, height).to_ecef()
+                let geodetic = Geodetic::from_degrees(latitude, longitude, height);
+                let (angle_deg, height_m) = (finest(&columns[..2])?, finest(&columns[2..])?);
+                let last_digit_ned_m = last_digit_ned_m(geodetic.latitude_rad, angle_deg, height_m);
+                (geodetic.to_ecef(), last_digit_ned_m)
             }
-        })
+        };
+        Ok((checked_place(position_m)?, last_digit_ned_m))
     }
 
-    /// Standard deviations north, east and down, m; `None` if one of them is blank.
+    /// Standard deviations north, east and down, m; `None` if the row has none.
     fn sd(&self, fields: &[&[u8]]) -> Result<Option<[f64; 3]>, String> {
-        let is_given = |columns: &[usize; 3]| columns.iter().all(|c| !fields[*c].is_empty());
+        let is_given = |columns: &[usize; 3]| columns.iter().any(|c| !fields[*c].is_empty());
         let Some(columns) = self.sd.filter(is_given) else { return Ok(None) };
+        if columns.iter().any(|column| fields[*column].is_empty()) {
+            return Err("some, but not all, standard deviations are empty".to_owned());
+        }
         let sd @ [north, east, down] = numbers(fields, columns)?;
         if sd.iter().any(|sd| *sd <= 0.0) {
             return Err(format!(
@@ -372,6 +416,43 @@ mod tests {
         let [damage] = damage.listed() else { panic!("{damage:?}") };
         let what = "standard deviations 0.01, -0.5 and 0.02 are not all positive";
         assert!(damage.what.contains(what), "{}", damage.what);
+    }
+
+    /// Standard deviations that are not understood are no reason to assume others.
+    #[test]
+    fn some_standard_deviations_are_not_enough() {
+        for (columns, what) in [
+            ("sd_north_m,sd_east_m", "column `sd_down_m` is missing"),
+            ("sd_north_m,sd_east_m,sd_height_m", "column `sd_height_m` is no standard deviation"),
+        ] {
+            let text = format!("gps_week,tow_s,name,x_m,y_m,z_m,{columns}\n");
+            let (found, _) = fixes(Box::leak(text.into_boxed_str()));
+            let error = found.unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        let (found, damage) = fixes(
+            "gps_week,tow_s,name,x_m,y_m,z_m,sd_north_m,sd_east_m,sd_up_m\n\
+             2200,1,bow,6378137,0,0,0.01,0.02,0.03\n\
+             2200,2,bow,6378137,0,0,0.01,,0.02\n\
+             2200,3,bow,6378137,0,0,,,\n",
+        );
+        let stated: Vec<_> = found.unwrap().iter().map(|fix| fix.sd_ned_m).collect();
+        assert_eq!((stated, damage.total()), (vec![Some([0.01, 0.02, 0.03]), None], 1));
+    }
+
+    #[test]
+    fn last_digits_are_those_of_the_finest_coordinate() {
+        let (found, _) = fixes("gps_week,tow_s,name,x_m,y_m,z_m\n2200,1,bow,6378137.0,0.25,0\n");
+        assert_eq!(found.unwrap()[0].last_digit_ned_m, [0.01; 3]);
+    }
+
+    /// Line ends of CR alone make one line of the file: it is not repeated whole.
+    #[test]
+    fn a_file_of_one_line_is_told_in_short() {
+        let rows = "2200,1,bow,6378137,0,0\r".repeat(1000);
+        let (found, _) = fixes(Box::leak(format!("name,tow_s\r{rows}").into_boxed_str()));
+        let error = found.unwrap_err().to_string();
+        assert!(error.contains("lines end with CR alone") && error.len() < 400, "{error}");
     }
 
     #[test]

@@ -20,6 +20,9 @@ pub struct PositionFix {
     pub position_m: Vector<Ecef>,
     /// Standard deviations north, east, down, m, if the receiver states them.
     pub sd_ned_m: Option<[f64; 3]>,
+    /// What one of the last written digit is worth north, east, down, m: rounding to it has the standard
+    /// deviation of a twelfth's root.
+    pub last_digit_ned_m: [f64; 3],
     /// What kind of solution it is, by the receiver's own word.
     pub quality: Quality,
     /// Whether the height is above the geoid, whose distance from the ellipsoid is not known.
@@ -56,6 +59,22 @@ impl Quality {
     }
 }
 
+/// A degree of a great circle, m.
+const DEGREE_M: f64 = 6_371_000.0 * std::f64::consts::PI / 180.0;
+
+/// What one of the last digit of a number is worth: 0.001 of `-1.250`, 100 of `12e2`.
+fn last_digit(word: &str) -> f64 {
+    let (digits, exponent) = word.split_once(['e', 'E']).unwrap_or((word, "0"));
+    let decimals = digits.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    let exponent: f64 = exponent.parse().unwrap_or(0.0);
+    10f64.powf(exponent - decimals as f64)
+}
+
+/// What last digits of angles and height are worth north, east, down, m.
+fn last_digit_ned_m(latitude_rad: f64, angle_deg: f64, height_m: f64) -> [f64; 3] {
+    [angle_deg * DEGREE_M, angle_deg * DEGREE_M * latitude_rad.cos(), height_m]
+}
+
 /// The place, if a receiver can be there.
 fn checked_place(position_m: Vector<Ecef>) -> Result<Vector<Ecef>, String> {
     let distance_m = position_m.norm();
@@ -63,5 +82,21 @@ fn checked_place(position_m: Vector<Ecef>) -> Result<Vector<Ecef>, String> {
         Ok(position_m)
     } else {
         Err(format!("{distance_m:.0} m from the Earth's centre"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn last_digits() {
+        for (word, expected) in
+            [("-1.250", 0.001), ("55.", 1.0), ("6378137", 1.0), ("12e2", 100.0), ("1.5E-3", 1e-4)]
+        {
+            assert!((last_digit(word) / expected - 1.0).abs() < 1e-12, "{word}");
+        }
+        let [north, east, down] = last_digit_ned_m(60f64.to_radians(), 1e-6, 0.1);
+        assert!((north - 0.1112).abs() < 1e-4 && (east - 0.0556).abs() < 1e-4 && down == 0.1);
     }
 }

@@ -138,6 +138,7 @@ struct Place {
     /// With the altitude above the geoid for height.
     above_geoid: Geodetic,
     separation_m: Option<f64>,
+    last_digit_ned_m: [f64; 3],
     quality: Quality,
 }
 
@@ -254,6 +255,7 @@ impl Log {
                     antenna: self.antenna,
                     position_m,
                     sd_ned_m,
+                    last_digit_ned_m: place.last_digit_ned_m,
                     quality: place.quality,
                     is_above_geoid: place.separation_m.is_none(),
                 });
@@ -328,6 +330,9 @@ mod tests {
         assert!((found[0].position_m - expected).norm() < 1e-6);
         assert_eq!(found[0].sd_ned_m, Some([0.010, 0.012, 0.021]));
         assert_eq!((found[0].antenna, found[1].sd_ned_m), (2, None));
+        // Minutes with four digits are 0.19 m of latitude.
+        let [north, east, down] = found[0].last_digit_ned_m;
+        assert!((north - 0.185).abs() < 1e-3 && (east - 0.105).abs() < 1e-3 && down == 0.1);
         // The separation that is left out is that of the sentence before.
         let expected = Geodetic::from_degrees(-55.5, -37.5, 164.5).to_ecef();
         assert!((found[1].position_m - expected).norm() < 1e-6);

@@ -3,7 +3,7 @@
 use kurs::frames::Geodetic;
 
 use super::{Date, Place};
-use crate::positions::{Quality, checked_place};
+use crate::positions::{Quality, checked_place, last_digit, last_digit_ned_m};
 
 /// Bytes of the shortest address: `PUBX` of u-blox; those of the standard have five.
 const MIN_ADDRESS: usize = 4;
@@ -104,7 +104,10 @@ impl<'a> Fields<'a> {
         let altitude_m = number(altitude)?;
         let above_geoid = Geodetic::from_degrees(latitude_deg, longitude_deg, altitude_m);
         checked_place(above_geoid.to_ecef())?;
-        Ok(Some(Place { above_geoid, separation_m, quality }))
+        let minutes = last_digit(self.get(2)).min(last_digit(self.get(4)));
+        let last_digit_ned_m =
+            last_digit_ned_m(above_geoid.latitude_rad, minutes / 60.0, last_digit(altitude));
+        Ok(Some(Place { above_geoid, separation_m, last_digit_ned_m, quality }))
     }
 
     /// `RMC,hhmmss.ss,status,…,ddmmyy,…`: the date, and whether the status says that it holds.
