@@ -23,6 +23,8 @@ pub struct Length {
     pub scatter_m: f64,
     /// Median of the standard deviations that the coordinates state, m.
     pub stated_sd_m: f64,
+    /// Epochs that have both antennas.
+    pub epochs: usize,
 }
 
 impl Length {
@@ -35,13 +37,17 @@ impl Length {
     /// Whether it is off in nearly every epoch alike, by more than its noise.
     #[must_use]
     pub fn is_steadily_off(&self) -> bool {
-        self.excess() > 1.0 && (self.measured_m - self.known_m).abs() > STEADY_SD * self.scatter_m
+        self.epochs >= STEADY_EPOCHS
+            && self.excess() > 1.0
+            && (self.measured_m - self.known_m).abs() > STEADY_SD * self.scatter_m
     }
 }
 
 /// A median length so many deviations of one epoch off is off in every epoch: noise of which the median
 /// is the same would lie on one side only.
 const STEADY_SD: f64 = 3.0;
+/// Epochs from which the scatter tells.
+const STEADY_EPOCHS: usize = 10;
 
 /// One pair in every epoch.
 #[derive(Debug, Default)]
@@ -73,9 +79,10 @@ pub(super) fn of(epochs: impl Iterator<Item = Vec<(usize, MeasuredPoint)>>) -> V
     }
     let length = |((first, second), measured): ((usize, usize), Measured)| {
         let Measured { known_m, lengths_m, stated_sd_m } = measured;
+        let epochs = lengths_m.len();
         let (measured_m, scatter_m) = (median(lengths_m.clone()), scatter(&lengths_m));
         let stated_sd_m = median(stated_sd_m);
-        Length { first, second, known_m, measured_m, scatter_m, stated_sd_m }
+        Length { first, second, known_m, measured_m, scatter_m, stated_sd_m, epochs }
     };
     pairs.into_iter().map(length).collect()
 }
@@ -102,6 +109,6 @@ mod tests {
         assert!((length.scatter_m - 0.014_826).abs() < 1e-9);
         assert!((length.stated_sd_m - 0.01 * 2f64.sqrt()).abs() < 1e-12);
         assert!((length.excess() - 0.5 / 0.014_142_135_6).abs() < 1e-6);
-        assert!(length.is_steadily_off());
+        assert!(Length { epochs: 10, ..length }.is_steadily_off() && !length.is_steadily_off());
     }
 }
