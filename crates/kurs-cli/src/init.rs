@@ -75,7 +75,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Err(UsageError(format!("no observations among the files; found {found}")).into());
     }
     let seen = found.antennas.iter().map(look).collect::<anyhow::Result<Vec<Seen>>>()?;
-    let text = text(&found, &seen, &args.out)?;
+    let missing = missing(&found.antennas, &seen)?;
+    let text = text(&found, &seen, missing.as_deref(), &args.out)?;
     if is_printed {
         output::print(text)?;
         return Ok(ExitCode::SUCCESS);
@@ -85,15 +86,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     file.finish()?;
     if !args.quiet {
         let target = target.display();
-        output::print(format_args!("written to {target}\nnext: kurs solve {target}\n"))?;
+        let next = missing.unwrap_or_else(|| format!("next: kurs solve {target}"));
+        output::print(format_args!("written to {target}\n{next}\n"))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Reads the first epochs.
 fn look(antenna: &FoundAntenna) -> anyhow::Result<Seen> {
-    let options = antenna.part.map_or_else(LogOptions::default, LogPart::options);
-    let mut source = ObservationSource::open_with(&antenna.files[0], &options)?;
+    let mut source = ObservationSource::open_with(&antenna.files[0], &options(antenna))?;
     let mut epoch = AntennaEpoch::default();
     let (mut first, mut last, mut interval_s) = (None, None::<GpsTime>, None::<f64>);
     let (mut epochs, mut with_phase) = (0_usize, BTreeMap::<Band, usize>::new());
@@ -101,7 +102,8 @@ fn look(antenna: &FoundAntenna) -> anyhow::Result<Seen> {
         epochs += 1;
         first.get_or_insert(epoch.time);
         if let Some(last) = last.replace(epoch.time) {
-            let step_s = epoch.time - last;
+            // A difference of tags is off by their rounding, far below a microsecond.
+            let step_s = ((epoch.time - last) * 1e6).round() / 1e6;
             interval_s = Some(interval_s.map_or(step_s, |shortest| shortest.min(step_s)));
         }
         let phases = epoch.observations.iter().filter(|o| o.phase_cycles.is_some());
@@ -113,12 +115,59 @@ fn look(antenna: &FoundAntenna) -> anyhow::Result<Seen> {
     Ok(Seen { first, interval_s, bands: bands.collect() })
 }
 
-/// The configuration.
-fn text(found: &FoundFiles, seen: &[Seen], out: &Path) -> anyhow::Result<String> {
+/// What these files lack for an attitude: a second antenna, or time that two antennas have in common.
+fn missing(antennas: &[FoundAntenna], seen: &[Seen]) -> anyhow::Result<Option<String>> {
+    let pairs = antennas.iter().zip(seen);
+    let mut begun: Vec<_> = pairs.filter_map(|(a, seen)| Some((seen.first?, a))).collect();
+    begun.sort_by_key(|(first, _)| *first);
+    let [others @ .., (begin, last)] = &begun[..] else { return Ok(None) };
+    if others.is_empty() {
+        let text =
+            "one antenna has no attitude: `kurs solve` expects the observations of two or more";
+        return Ok(Some(text.into()));
+    }
+    for (_, other) in others {
+        if !reaches(other, *begin)? {
+            let (ended, begun) = (&other.name, &last.name);
+            return Ok(Some(format!(
+                "no common time: {ended} ends before {begun} begins, {begin}"
+            )));
+        }
+    }
+    Ok(None)
+}
+
+/// Whether an antenna has an epoch then or later: read no further than up to the first one.
+fn reaches(antenna: &FoundAntenna, time: GpsTime) -> anyhow::Result<bool> {
+    let mut epoch = AntennaEpoch::default();
+    for file in antenna.files.iter().rev() {
+        let mut source = ObservationSource::open_with(file, &options(antenna))?;
+        while source.next_epoch(&mut epoch)? {
+            if epoch.time >= time {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
+}
+
+/// Which part of its files is this antenna.
+fn options(antenna: &FoundAntenna) -> LogOptions {
+    antenna.part.map_or_else(LogOptions::default, LogPart::options)
+}
+
+/// The configuration; what is missing stands at its begin.
+fn text(
+    found: &FoundFiles,
+    seen: &[Seen],
+    missing: Option<&str>,
+    out: &Path,
+) -> anyhow::Result<String> {
     let mut text = String::from(
         "# Configuration of `kurs solve`, begun by `kurs init`. A line behind a # is not in force: it shows\n\
          # the default, or what could stand there. Paths are relative to this file's folder.\n",
     );
+    missing.map_or(Ok(()), |missing| writeln!(text, "# {missing}"))?;
     for (antenna, seen) in found.antennas.iter().zip(seen) {
         write_antenna(&mut text, antenna, seen, out)?;
     }

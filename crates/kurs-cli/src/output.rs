@@ -16,7 +16,11 @@ use crate::failure::UsageError;
 /// Begin of the name of the hidden folder in which a run makes its files; its process id follows.
 const STAGING: &str = ".kurs.part";
 
-/// The file of a run that is given its place last.
+/// A file in that folder, locked as long as the process lives: however it ends, and on whichever machine
+/// that shares the folder, the system lets go of the lock.
+const LOCK: &str = ".lock";
+
+/// The file of a run that is given its place last, and taken away first.
 pub(crate) const SUMMARY: &str = "summary.json";
 
 /// Files and folders that are there only while they are made.
@@ -119,6 +123,8 @@ impl Destination {
 #[derive(Debug)]
 pub(crate) struct OutputFolder {
     target: PathBuf,
+    /// Closed before its folder goes.
+    lock: Option<File>,
     staging: Temporary,
     /// The target was not there before.
     is_new: bool,
@@ -135,19 +141,26 @@ impl OutputFolder {
         refuse_inputs(target, names, inputs)?;
         let is_new = !target.exists();
         let staging = target.join(format!("{STAGING}{}", std::process::id()));
+        if is_left_by_a_killed_run(&staging) {
+            remove(&staging);
+        }
         let made = fs::create_dir_all(&staging);
         made.with_context(|| format!("{}: cannot be made", target.display()))?;
         let staging = Temporary::new(staging);
-        let folder = Self { target: target.to_owned(), staging, is_new };
-        for entry in fs::read_dir(target)?.flatten() {
-            let name = entry.file_name();
-            let Some(name) = name.to_str() else { continue };
-            if is_left_by_a_killed_run(name) {
-                remove(&entry.path());
+        let lock = Some(locked(&staging.0)?);
+        let folder = Self { target: target.to_owned(), lock, staging, is_new };
+        let mut old: Vec<PathBuf> =
+            fs::read_dir(target)?.flatten().map(|entry| entry.path()).collect();
+        // Where the summary is, everything is.
+        old.sort_by_key(|path| !path.ends_with(SUMMARY));
+        for path in old {
+            let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+            if name.starts_with(STAGING) && is_left_by_a_killed_run(&path) {
+                remove(&path);
             }
-            if is_one_of(name, names) && entry.path().is_file() {
-                fs::remove_file(entry.path())
-                    .with_context(|| format!("{}: cannot be removed", entry.path().display()))?;
+            if is_one_of(name, names) && path.is_file() {
+                fs::remove_file(&path)
+                    .with_context(|| format!("{}: cannot be removed", path.display()))?;
             }
         }
         Ok(folder)
@@ -164,6 +177,7 @@ impl OutputFolder {
         for entry in fs::read_dir(self.path())? {
             names.push(entry?.file_name());
         }
+        names.retain(|name| name != LOCK);
         // Where the summary is, everything is.
         names.sort_by_key(|name| (name == SUMMARY, name.clone()));
         for name in names {
@@ -177,6 +191,7 @@ impl OutputFolder {
 
 impl Drop for OutputFolder {
     fn drop(&mut self) {
+        drop(self.lock.take());
         remove(self.path());
         if self.is_new {
             // Only where it is empty.
@@ -185,11 +200,19 @@ impl Drop for OutputFolder {
     }
 }
 
-/// Whether a hidden folder belongs to a process that has ended, as far as `/proc` can tell.
-fn is_left_by_a_killed_run(name: &str) -> bool {
-    let processes = Path::new("/proc");
-    let process = name.strip_prefix(STAGING).filter(|id| id.parse::<u32>().is_ok());
-    process.is_some_and(|id| processes.join("self").exists() && !processes.join(id).exists())
+/// The lock of a hidden folder; a file system that knows none has leftovers for ever.
+fn locked(staging: &Path) -> anyhow::Result<File> {
+    let path = staging.join(LOCK);
+    let file = File::create(&path);
+    let file = file.with_context(|| format!("{}: cannot be written", published(&path)))?;
+    let _ = file.try_lock();
+    Ok(file)
+}
+
+/// Whether a hidden folder belongs to a process that is no more: nobody holds its lock.
+fn is_left_by_a_killed_run(staging: &Path) -> bool {
+    let lock = File::options().write(true).open(staging.join(LOCK));
+    lock.is_ok_and(|lock| lock.try_lock().is_ok())
 }
 
 fn is_one_of(name: &str, patterns: &[&str]) -> bool {
@@ -366,12 +389,21 @@ mod tests {
         assert_eq!(fs::read_to_string(target.join("a.csv")).unwrap(), "new");
 
         let error = OutputFolder::begin(&target, &["a.csv"], &[target.join("a.csv")]).unwrap_err();
-        // No process has the largest number.
-        let left = target.join(format!("{STAGING}{}", u32::MAX));
-        fs::create_dir(&left).unwrap();
-        drop(OutputFolder::begin(&target, &[], &[]).unwrap());
-        assert!(cfg!(not(target_os = "linux")) || !left.exists());
         assert!(error.is::<UsageError>() && error.to_string().contains("one of the inputs"));
         assert_eq!(names(), ["a.csv", "mine.txt"]);
+    }
+
+    /// Whatever the number of its process: that may be given again, or be one of another machine.
+    #[test]
+    fn what_a_killed_run_left_goes_and_what_a_run_makes_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let left = folder.path().join(format!("{STAGING}1"));
+        fs::create_dir(&left).unwrap();
+        let alive = locked(&left).unwrap();
+        drop(OutputFolder::begin(folder.path(), &[], &[]).unwrap());
+        assert!(left.exists());
+        drop(alive);
+        drop(OutputFolder::begin(folder.path(), &[], &[]).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

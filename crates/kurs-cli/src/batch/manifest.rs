@@ -22,7 +22,7 @@ pub(super) struct Manifest {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) label: String,
-    /// A configuration, and observation and navigation files told by their content.
+    /// A configuration, or observation and navigation files told by their content.
     pub(super) files: Vec<PathBuf>,
     pub(super) nav: Vec<PathBuf>,
     /// Files in place of those that the configuration names for an antenna.
@@ -57,8 +57,14 @@ impl Manifest {
             if entry.label.is_empty() {
                 return Err(at("`label` is empty".into()).into());
             }
-            if entry.files.is_empty() {
-                return Err(at("give `config` or `files`".into()).into());
+            let given = |name: &str| {
+                columns
+                    .iter()
+                    .zip(&record)
+                    .any(|(column, field)| column == name && !field.is_empty())
+            };
+            if given("config") == given("files") {
+                return Err(at("give one of `config` and `files`".into()).into());
             }
             if !labels.insert(entry.label.clone()) {
                 return Err(at(format!("label `{}` is there twice", entry.label)).into());
@@ -140,7 +146,9 @@ mod tests {
             error("label,config\na,c.toml\na,c.toml\n"),
             "m.csv:3: label `a` is there twice"
         );
-        assert_eq!(error("label,config\na,\n"), "m.csv:2: give `config` or `files`");
+        let one_of = "m.csv:2: give one of `config` and `files`";
+        assert_eq!(error("label,config\na,\n"), one_of);
+        assert_eq!(error("label,config,files\na,c.toml,a.rnx;b.rnx\n"), one_of);
         assert_eq!(error("label,config\n"), "m.csv: no sessions");
         assert!(
             error("label,konfig\na,b\n").starts_with("m.csv:1: column `konfig`, expected label")

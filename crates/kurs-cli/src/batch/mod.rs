@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Format::check(&args.format)?;
     let manifest = Manifest::read(&args.manifest)?;
     if args.merge {
-        return close(args, &status::merge(&manifest, &args.out)?);
+        return close(args, &manifest, &status::merge(&manifest, &args.out)?);
     }
     let plans: Vec<SessionPlan> = chosen(args, &manifest)?
         .into_iter()
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if is_whole {
         status::write(&args.out, &statuses)?;
     }
-    close(args, &statuses)
+    close(args, &manifest, &statuses)
 }
 
 /// The entries that this run is to solve.
@@ -146,8 +146,8 @@ fn solve_all(args: &Args, plans: &[SessionPlan], watch: &Watch) -> Vec<SessionSt
 }
 
 /// The closing line and the exit status.
-fn close(args: &Args, statuses: &[SessionStatus]) -> anyhow::Result<ExitCode> {
-    let counts = status::Counts::of(statuses);
+fn close(args: &Args, manifest: &Manifest, statuses: &[SessionStatus]) -> anyhow::Result<ExitCode> {
+    let counts = status::Counts::of(statuses, status::others(manifest, &args.out));
     if args.json {
         output::print_json(&counts.json())?;
     } else if !args.quiet {

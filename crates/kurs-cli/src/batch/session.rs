@@ -38,7 +38,8 @@ impl SessionPlan {
 
     /// Solves the session unless that was done; an error of it is its status.
     pub(super) fn run(&self) -> SessionStatus {
-        let attempt = catch_unwind(AssertUnwindSafe(|| self.solve()));
+        let mut hash = None;
+        let attempt = catch_unwind(AssertUnwindSafe(|| self.solve(&mut hash)));
         let reason = match attempt {
             Ok(Ok(())) => None,
             Ok(Err(error)) => Some(told(&error)),
@@ -46,10 +47,11 @@ impl SessionPlan {
         };
         let found = SessionStatus::of_result(&self.label, &self.folder);
         match (reason, found) {
-            // A result whose rows are all lost is a result.
-            (_, Some(found)) => found,
+            (None, Some(found)) => found,
+            // Rows that are all lost are a result too; an older one, which could not be taken away, is none.
+            (Some(_), Some(found)) if hash.is_some_and(|hash| self.is_done(&hash)) => found,
             (None, None) => SessionStatus::failed(&self.label, "interrupted".to_owned()),
-            (Some(reason), None) => {
+            (Some(reason), _) => {
                 let failure = serde_json::json!({ "reason": reason });
                 // Where it cannot be written the closing line still counts it.
                 let _ = output::write_json(&self.folder, FAILURE, &failure);
@@ -58,16 +60,18 @@ impl SessionPlan {
         }
     }
 
-    fn solve(&self) -> anyhow::Result<()> {
-        let hash = match self.session.load().map(|session| session.identity(&[])) {
-            Ok(identity) => configuration_hash(&identity),
+    /// Solves the session; `hash` becomes that of what it is made from, once this is known.
+    fn solve(&self, hash: &mut Option<String>) -> anyhow::Result<()> {
+        let identity = match self.session.load() {
+            Ok(session) => session.identity(&self.formats, &[]),
             Err(error) => {
                 // An older result is not one of these inputs.
                 solve::remove_result(&self.folder)?;
                 return Err(error);
             }
         };
-        if !self.is_done(&hash) {
+        let hash = hash.insert(configuration_hash(&identity));
+        if !self.is_done(hash) {
             solve::run(&solve::Args::of_batch(
                 self.session.clone(),
                 self.folder.clone(),
@@ -77,10 +81,13 @@ impl SessionPlan {
         Ok(())
     }
 
-    /// Whether a whole result of these inputs is there.
+    /// Whether a whole result of these inputs is there, and no later attempt failed.
     fn is_done(&self, hash: &str) -> bool {
         let has_rows = self.formats.iter().all(|format| self.folder.join(format.rows()).exists());
+        let has_failed = self.folder.join(FAILURE).exists();
         let found = status::Summary::read(&self.folder);
-        has_rows && found.is_some_and(|s| s.configuration_hash == hash && !s.interrupted)
+        has_rows
+            && !has_failed
+            && found.is_some_and(|s| s.configuration_hash == hash && !s.interrupted)
     }
 }

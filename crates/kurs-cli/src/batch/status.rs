@@ -1,6 +1,6 @@
 //! What became of each session, and of all together: `manifest-status.csv`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,8 @@ use super::manifest::Manifest;
 use crate::failure::ExitCode;
 use crate::table::{Table, TableFormat};
 
+/// Begins the name of a session's folder.
+const FOLDER: &str = "session=";
 /// Why a session has no result, in its folder.
 pub(crate) const FAILURE: &str = "failure.json";
 
@@ -76,7 +78,7 @@ struct Failure {
 
 /// The folder of a session in the data set; a label may have any letters.
 pub(super) fn folder(out: &Path, label: &str) -> PathBuf {
-    let mut name = String::from("session=");
+    let mut name = String::from(FOLDER);
     for byte in label.bytes() {
         match byte {
             b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_' | b'.' | b'~' => {
@@ -107,14 +109,15 @@ impl SessionStatus {
 
     /// The status of a session by what is in its folder.
     fn of_folder(label: &str, folder: &Path) -> Self {
-        if let Some(result) = Self::of_result(label, folder) {
-            return result;
-        }
+        // Of a later attempt than a result that is there.
         let failure = std::fs::read(folder.join(FAILURE)).ok();
-        match failure.and_then(|text| serde_json::from_slice::<Failure>(&text).ok()) {
-            Some(failure) => Self::failed(label, failure.reason),
-            None => Self { outcome: Outcome::Missing, ..Self::failed(label, String::new()) },
+        if let Some(failure) =
+            failure.and_then(|text| serde_json::from_slice::<Failure>(&text).ok())
+        {
+            return Self::failed(label, failure.reason);
         }
+        let missing = || Self { outcome: Outcome::Missing, ..Self::failed(label, String::new()) };
+        Self::of_result(label, folder).unwrap_or_else(missing)
     }
 }
 
@@ -124,6 +127,18 @@ pub(super) fn merge(manifest: &Manifest, out: &Path) -> anyhow::Result<Vec<Sessi
     let statuses: Vec<_> = manifest.entries.iter().map(|entry| of(&entry.label)).collect();
     write(out, &statuses)?;
     Ok(statuses)
+}
+
+/// How many folders of sessions the data set has that are not in the manifest: whoever reads it as one table reads
+/// them too.
+pub(super) fn others(manifest: &Manifest, out: &Path) -> usize {
+    let own: BTreeSet<PathBuf> =
+        manifest.entries.iter().map(|entry| folder(out, &entry.label)).collect();
+    let folders = std::fs::read_dir(out).into_iter().flatten().flatten();
+    let others = folders.filter(|entry| {
+        entry.file_name().to_string_lossy().starts_with(FOLDER) && !own.contains(&entry.path())
+    });
+    others.count()
 }
 
 /// Writes `manifest-status.csv`.
@@ -150,11 +165,13 @@ pub(super) struct Counts {
     nothing_fixed: usize,
     failed: usize,
     missing: usize,
+    /// Folders of sessions that are not in the manifest.
+    others: usize,
     first: Option<(String, String)>,
 }
 
 impl Counts {
-    pub(super) fn of(statuses: &[SessionStatus]) -> Self {
+    pub(super) fn of(statuses: &[SessionStatus], others: usize) -> Self {
         let count = |outcome| statuses.iter().filter(|s| s.outcome == outcome).count();
         let first = statuses.iter().find(|s| s.outcome == Outcome::Failed);
         Self {
@@ -162,14 +179,16 @@ impl Counts {
             nothing_fixed: count(Outcome::NothingFixed),
             failed: count(Outcome::Failed),
             missing: count(Outcome::Missing),
+            others,
             first: first.map(|s| (s.label.clone(), s.reason.clone())),
         }
     }
 
     pub(super) fn json(&self) -> serde_json::Value {
-        let Self { done, nothing_fixed, failed, missing, .. } = self;
+        let Self { done, nothing_fixed, failed, missing, others, .. } = self;
         serde_json::json!({
-            "done": done, "nothing_fixed": nothing_fixed, "failed": failed, "missing": missing
+            "done": done, "nothing_fixed": nothing_fixed, "failed": failed, "missing": missing,
+            "others": others
         })
     }
 
@@ -186,7 +205,7 @@ impl Counts {
 
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { done, nothing_fixed, failed, missing, first } = self;
+        let Self { done, nothing_fixed, failed, missing, others, first } = self;
         let all = done + nothing_fixed + failed + missing;
         write!(
             f,
@@ -194,6 +213,10 @@ impl fmt::Display for Counts {
         )?;
         if *missing > 0 {
             write!(f, ", {missing} missing")?;
+        }
+        if *others > 0 {
+            let folders = if *others == 1 { "folder" } else { "folders" };
+            write!(f, "\n{others} {folders} of sessions that are not in the manifest")?;
         }
         match first {
             Some((label, reason)) => write!(f, "\nfirst failure: {label}: {reason}"),

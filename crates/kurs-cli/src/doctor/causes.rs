@@ -247,7 +247,10 @@ impl Patient<'_> {
         }
         let mut advice = Vec::new();
         if self.settings.constraint == Constraint::None {
-            advice.push("give the antennas' positions: known geometry is worth a band");
+            advice.push(match self.array {
+                Some(_) => "leave `constraint` out: known geometry is worth a band",
+                None => "give the antennas' positions: known geometry is worth a band",
+            });
         }
         if self.settings.ambiguities == Ambiguities::Instantaneous {
             advice.push("set `ambiguity = \"continuous\"`, which gathers strength over time");

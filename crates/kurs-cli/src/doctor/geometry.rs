@@ -18,6 +18,13 @@ const MAX_ANTENNAS: usize = 7;
 /// Lengths tried around the configured one on either side where nothing is fixed without a length.
 const SCAN_STEP_M: f64 = 0.02;
 const SCAN_STEPS: i32 = 15;
+/// Share of the epochs that a length needs which is one of the many around the configured one. Where a model is so
+/// weak that the right length fixes nothing, a wrong one, with which few integers agree, fixed up to 0.67 of the
+/// epochs (single bands, half of the sky hidden up to 40°, eight seeds, three baselines); a right one that fixes
+/// at all, 0.9 (the same up to 25°).
+const SHARE_OF_LENGTH: f64 = 0.8;
+/// The same for a unit: there are only a few, and far from each other.
+const SHARE_OF_UNIT: f64 = 1.0 / 3.0;
 /// Epochs of the scan.
 const SCAN_EPOCHS: usize = 60;
 
@@ -120,8 +127,12 @@ pub(super) fn scanned(
                 a.0.cmp(&b.0).then(off(a.1).total_cmp(&off(b.1)))
             });
         // A length that mends: many epochs, and more than by chance with the configured one.
-        let many = |count: usize| count >= MIN_FIXES && 3 * step * count > sample.epochs.len();
-        if let Some((count, found_m)) = best.filter(|(count, _)| many(*count))
+        let many = |(count, length_m): (usize, f64)| {
+            let is_near = (length_m - known_m).abs() < f64::from(SCAN_STEPS + 1) * SCAN_STEP_M;
+            let share = if is_near { SHARE_OF_LENGTH } else { SHARE_OF_UNIT };
+            count >= MIN_FIXES && (step * count) as f64 > share * sample.epochs.len() as f64
+        };
+        if let Some((count, found_m)) = best.filter(|best| many(*best))
             && count > 2 * fixes(second, known_m)
         {
             found.push(Distance { first: 0, second, found_m, known_m, sd_m: 0.0 });

@@ -45,8 +45,6 @@ pub(crate) const WELL: f64 = 0.98;
 /// Epochs that are solved in every way: each of a dozen ways takes up to 20 ms for an epoch whose
 /// integers do not fit, and nobody waits for more than ten seconds.
 const MAX_EPOCHS: usize = 80;
-/// Epochs that are solved in every way where another command asks.
-const MAX_EPOCHS_IN_PASSING: usize = 60;
 
 /// Satellites behind something that are named in the text.
 const MAX_HIDDEN: usize = 5;
@@ -108,10 +106,8 @@ struct File<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let mut session = args.session.load()?;
-    // The sample leaves epochs out, and causes are looked for with everything that is known.
-    session.loaded.config.nav.as_received = false;
-    let examination = examine(&session.loaded, MAX_EPOCHS)?;
+    let session = args.session.load()?;
+    let examination = examine(&session.loaded)?;
     let names = antenna_names(&session.loaded);
     let told = examination.text(&names, args.signals);
     let Examination { sample, trials, integers, views, noise, signals, findings } = &examination;
@@ -153,14 +149,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 /// Solves a sample of the session in several ways, and finds causes.
-fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
+fn examine(loaded: &Loaded) -> anyhow::Result<Examination> {
+    let mut loaded = loaded.clone();
+    // The sample leaves epochs out, and causes are looked for with everything that is known.
+    loaded.config.nav.as_received = false;
     let settings = loaded.settings()?;
-    let names = antenna_names(loaded);
-    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(loaded)?;
+    let names = antenna_names(&loaded);
+    let Input { navigation, mut streams, phase_centers, mut damage } = Input::open(&loaded)?;
     let mounts = phase_centers.mounts;
-    let sample = Sample::take(&mut streams, max_epochs)?;
+    let sample = Sample::take(&mut streams, MAX_EPOCHS)?;
     damage.extend(streams.damage().into_iter().map(|d| Damage::new(d.file, &d.damage)));
-    damage.extend(input::misdated(loaded, sample.attendance.antennas()));
+    damage.extend(input::misdated(&loaded, sample.attendance.antennas()));
     if let Some(copy) = presence::one_recording(&names, &sample) {
         let findings = std::iter::once(copy).chain(presence::broken_files(&damage)).collect();
         return Ok(Examination {
@@ -197,8 +196,7 @@ fn examine(loaded: &Loaded, max_epochs: usize) -> anyhow::Result<Examination> {
 /// again, what the most frequent reason means.
 pub(crate) fn in_one_line(loaded: &Loaded, main_reason: Option<&'static str>) -> String {
     let can_be_examined = loaded.input_files().iter().all(can_be_read_again);
-    let examination =
-        can_be_examined.then(|| examine(loaded, MAX_EPOCHS_IN_PASSING).ok()).flatten();
+    let examination = can_be_examined.then(|| examine(loaded).ok()).flatten();
     match examination.as_ref().and_then(|found| found.findings.first()) {
         Some(Finding { cause, evidence, .. }) => {
             format!("{cause} ({evidence}); `kurs doctor` says more")

@@ -34,8 +34,11 @@ pub(super) fn wrong(patient: &Patient<'_>, sample: &Sample, trials: &Trials) -> 
     if let Some(mirrored) = trials.mirrored.as_ref().and_then(|trial| mirrored(trial, trials)) {
         return Some(mirrored);
     }
-    // What all but one system agree with is not wrong.
-    if trials.without_system.iter().any(|(_, trial)| trial.share(Status::Fixed) > PROVEN) {
+    // What all but one system agree with is not wrong, nor what many epochs agree with and few contradict.
+    let all_but_one = trials.without_system.iter().map(|(_, trial)| trial);
+    let is_proven = all_but_one.into_iter().any(|trial| trial.share(Status::Fixed) > PROVEN)
+        || std::iter::once(&trials.configured).chain(&trials.with_array).any(agrees);
+    if is_proven {
         return None;
     }
     let sd_m = patient.settings.array_sd_m;
@@ -102,6 +105,13 @@ fn wrong_geometry(misplaced: Option<&str>, evidence: String) -> Finding {
         evidence,
         advice: "measure again, or take the positions of `kurs survey`".into(),
     }
+}
+
+/// Whether the known array fixes many epochs of a trial, and few others contradict it.
+fn agrees(trial: &Trial) -> bool {
+    let fixed = trial.share(Status::Fixed);
+    let contradicting = trial.share_of_reason("geometry") + trial.share_of_reason("length");
+    fixed > MANY && fixed > PROVEN * (fixed + contradicting)
 }
 
 /// The unit in which all known distances are those of the data.

@@ -30,6 +30,8 @@ pub(super) struct Trials {
     pub(super) configured: Trial,
     /// Nothing known of the geometry.
     pub(super) free: Trial,
+    /// With the known array in the search, where the configuration does without.
+    pub(super) with_array: Option<Trial>,
     /// Without one system each.
     pub(super) without_system: Vec<(System, Trial)>,
     /// Without one antenna each, if three or more are there.
@@ -94,8 +96,14 @@ impl Trials {
             let settings = Settings { array: Some(image), ..settings.clone() };
             solve("mirror image".into(), &settings, &sample.epochs)
         });
+        let with_array = (settings.array.is_some() && settings.constraint == Constraint::None)
+            .then(|| {
+                let settings = Settings { constraint: Constraint::Array, ..settings.clone() };
+                solve("geometry known".into(), &settings, &sample.epochs)
+            });
         Self {
             mirrored,
+            with_array,
             without_system: without_system.collect(),
             without_antenna: without_antenna.collect(),
             configured: solve("as configured".into(), &settings, &sample.epochs),
@@ -106,6 +114,7 @@ impl Trials {
     fn all(&self) -> impl Iterator<Item = &Trial> {
         [&self.configured, &self.free]
             .into_iter()
+            .chain(&self.with_array)
             .chain(self.without_system.iter().map(|(_, trial)| trial))
             .chain(self.without_antenna.iter().map(|(_, trial)| trial))
             .chain(&self.mirrored)

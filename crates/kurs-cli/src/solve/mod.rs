@@ -157,7 +157,7 @@ impl Args {
 }
 
 /// What is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Format {
     /// attitude.csv, baselines.csv, points.csv
     Csv,
@@ -251,7 +251,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     summary.miss_bands(&unobserved);
     outputs.finish()?;
     review.write(folder.path(), &session, &summary)?;
-    let identity = session.identity(&streams.fingerprints());
+    let identity = session.identity(&args.format, &streams.fingerprints());
     let file = summary.file(&identity, &damage, wall_s);
     output::write_json(folder.path(), "summary.json", &file)?;
     folder.publish()?;

@@ -7,7 +7,7 @@ use kurs_formats::fingerprint::Fingerprint;
 
 use super::config::{self, Loaded, Overrides};
 use super::found_files::FoundFiles;
-use super::identity;
+use super::{Format, identity};
 use crate::failure::UsageError;
 use crate::pipe::InputFile;
 use crate::window::Window;
@@ -90,10 +90,10 @@ impl SessionArgs {
 }
 
 impl Session {
-    /// The text that stands for the keys in force, the program and the contents of all inputs, of
-    /// which these are `known` by name.
-    pub(crate) fn identity(&self, known: &[(String, Fingerprint)]) -> String {
-        identity::of(&self.loaded, known)
+    /// The text that stands for the keys in force, what is written, the program and the contents of all inputs, of which these
+    /// are `known` by name.
+    pub(crate) fn identity(&self, formats: &[Format], known: &[(String, Fingerprint)]) -> String {
+        identity::of(&self.loaded, formats, known)
     }
 
     /// Every file that is read.

@@ -165,6 +165,16 @@ fn a_configuration_is_begun_from_files() {
     assert!(error.contains("--force replaces it"), "{error}");
     let printed = run(folder.path(), &["init", &stern, &bow, "--out", "-"]);
     assert!(printed.contains("# files = [\"brdc.rnx\"]"), "{printed}");
+
+    // What cannot be solved is begun too, and says so in place of the next step.
+    let of = |files: &[&str]| run(folder.path(), &[&["init", "--force"], files].concat());
+    let told = of(&[&stern, &nav]);
+    assert!(told.contains("\none antenna has no attitude: ") && !told.contains("next:"), "{told}");
+    assert!(text(folder.path(), path).contains("\n# one antenna has no attitude: "));
+    let earlier = text(session(), "bow.rnx").replace("> 2024 ", "> 2023 ");
+    fs::write(folder.path().join("earlier.rnx"), earlier).unwrap();
+    let told = of(&["earlier.rnx", &stern, &nav]);
+    assert!(told.contains("\nno common time: bow ends before stern begins, 2024-"), "{told}");
 }
 
 #[test]
@@ -698,6 +708,58 @@ fn a_batch_solves_each_session_once_and_counts_the_failed() {
     assert_eq!(modified(&rows), before);
     ran(folder, &["batch", "m.csv", "--out", "out", "-q", "--set", "elevation_mask_deg=15"]);
     assert_ne!(modified(&rows), before);
+
+    // Two dialects have one name: the other one is another result.
+    for (format, has_sd) in [("nmea:survey", true), ("nmea", false)] {
+        ran(folder, &["batch", "m.csv", "--out", "out", "-q", "--format", format]);
+        let sentences = fs::read_to_string(rows.with_file_name("attitude.nmea")).unwrap();
+        assert_eq!(sentences.contains("PASHR"), has_sd, "{format}");
+    }
+
+    // Sessions of an older manifest stay, and are told.
+    let manifest = fs::read_to_string(folder.join("m.csv")).unwrap();
+    let (others, _) = manifest.split_once("day 2").unwrap();
+    fs::write(folder.join("m.csv"), others).unwrap();
+    let said = ran(folder, &["batch", "m.csv", "--out", "out"]).stdout;
+    let expected = "1 of 1 sessions done, 0 with nothing fixed, 0 failed\n\
+                    2 folders of sessions that are not in the manifest\n";
+    assert!(String::from_utf8(said).unwrap().starts_with(expected));
+}
+
+/// A result that is there when an attempt fails is one of other inputs: here one of these would be overwritten.
+#[test]
+fn an_older_result_is_none_of_a_run_that_failed() {
+    let folder = archive();
+    let folder = folder.path();
+    let batch = |more: &str| {
+        let output = ran(folder, &["batch", "m.csv", "--out", "out", "--session", "day 1", more]);
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    assert_eq!(batch("-q").0, Some(0));
+    let target = folder.join("out/session=day%201");
+    fs::copy(session().join("bow.rnx"), target.join("attitude.jsonl")).unwrap();
+    let manifest = fs::read_to_string(folder.join("m.csv")).unwrap();
+    let manifest = manifest.replacen(
+        ",,
+",
+        ",out/session=day%201/attitude.jsonl,
+",
+        1,
+    );
+    fs::write(folder.join("m.csv"), manifest).unwrap();
+    let (status, said) = batch("--jobs=1");
+    assert_eq!(status, Some(1), "{said}");
+    assert!(
+        said.contains(
+            "
+first failure: day 1: "
+        ) && said.contains("one of the inputs"),
+        "{said}"
+    );
+    assert!(target.join("summary.json").exists() && target.join("failure.json").exists());
+    let counts = ran(folder, &["batch", "m.csv", "--out", "out", "--merge", "--json"]).stdout;
+    let counts: Value = serde_json::from_slice(&counts).unwrap();
+    assert_eq!(counts["failed"].as_u64(), Some(1));
 }
 
 #[test]

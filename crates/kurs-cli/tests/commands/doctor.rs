@@ -321,6 +321,21 @@ fn a_single_band_without_geometry() {
     assert_eq!(found, ["weak_model", "unused_bands"]);
 }
 
+/// Half of the sky is hidden and every system has one band: nothing is fixed without the array, and the right lengths
+/// alone fix less than wrong ones do by chance.
+#[test]
+fn a_weak_sky_accuses_no_geometry() {
+    let keys = "signals = [\"G1C\", \"E1C\", \"C2I\"]";
+    let tables = "horizon_deg = [[0.0, 180.0, 40.0]]";
+    let free = replaced("[solve]\n", "[solve]\nconstraint = \"none\"\n");
+    for configuration in [Vec::new(), free] {
+        let folder = TempDir::new().unwrap();
+        let fault = Fault { keys, tables, configuration, ..Fault::default() };
+        let found = of_session(folder.path(), 122, &fault);
+        assert!(!found.contains(&"wrong_geometry".to_owned()), "{found:?}");
+    }
+}
+
 /// Every place times these factors.
 fn places_times(factors: [f64; 3]) -> Vec<(String, String)> {
     let text = |place: [f64; 3]| format!("position_m = {place:?}");
