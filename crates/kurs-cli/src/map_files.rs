@@ -91,8 +91,7 @@ impl Way {
 
     /// Longitude, latitude, height of every piece; a single place stands twice, as a line.
     fn lines(&self) -> impl Iterator<Item = Vec<[f64; 3]>> {
-        self.pieces.iter().map(|piece| {
-            let mut line: Vec<[f64; 3]> = piece.iter().map(coordinates).collect();
+        self.pieces.iter().flat_map(|piece| cut_at_date_line(piece)).map(|mut line| {
             if let [alone] = line[..] {
                 line.push(alone);
             }
@@ -101,14 +100,40 @@ impl Way {
     }
 }
 
+/// A line that crosses the meridian of 180° ends there, and another one begins on its other side (RFC 7946,
+/// section 3.1.9): maps would draw one around the world.
+fn cut_at_date_line(piece: &[Geodetic]) -> Vec<Vec<[f64; 3]>> {
+    let (mut lines, mut line) = (Vec::new(), Vec::<[f64; 3]>::with_capacity(piece.len()));
+    for place in piece.iter().map(coordinates) {
+        if let Some(last) = line.last().copied()
+            && (place[0] - last[0]).abs() > 180.0
+        {
+            let side = 180f64.copysign(last[0]);
+            // Of the way from the last place to this one; zero where both are the meridian itself.
+            let (before, after) = ((side - last[0]).abs(), (place[0] + side).abs());
+            let share = if before > 0.0 { before / (before + after) } else { 0.0 };
+            let between = |k: usize| last[k] + share * (place[k] - last[k]);
+            let at = |longitude| [longitude, rounded(between(1), 1e9), rounded(between(2), 1e4)];
+            line.push(at(side));
+            lines.push(std::mem::replace(&mut line, vec![at(-side)]));
+        }
+        line.push(place);
+    }
+    lines.push(line);
+    lines
+}
+
 /// To a tenth of a millimetre.
 fn coordinates(place: &Geodetic) -> [f64; 3] {
-    let rounded = |value: f64, scale: f64| (value * scale).round() / scale;
     [
         rounded(place.longitude_rad.to_degrees(), 1e9),
         rounded(place.latitude_rad.to_degrees(), 1e9),
         rounded(place.height_m, 1e4),
     ]
+}
+
+fn rounded(value: f64, scale: f64) -> f64 {
+    (value * scale).round() / scale
 }
 
 #[cfg(test)]
@@ -139,5 +164,23 @@ mod tests {
         assert!(kml.contains("-8.500000000,50.100000000,12.000"), "{kml}");
         Way::default().write(folder.path(), "nothing", Heights::Absolute).unwrap();
         assert!(!folder.path().join("nothing.kml").exists());
+    }
+
+    #[test]
+    fn a_way_across_the_date_line_is_cut_there() {
+        let mut way = Way::default();
+        for (latitude, longitude) in [(10.0, 179.0), (11.0, -178.0), (11.0, -180.0), (12.0, 180.0)]
+        {
+            way.push(Geodetic::from_degrees(latitude, longitude, 6.0));
+        }
+        let geometry = &way.geojson("track")["features"][0]["geometry"];
+        assert_eq!(geometry["type"], "MultiLineString");
+        let at = 10.333_333_333;
+        let expected = json!([
+            [[179.0, 10.0, 6.0], [180.0, at, 6.0]],
+            [[-180.0, at, 6.0], [-178.0, 11.0, 6.0], [-180.0, 11.0, 6.0], [-180.0, 11.0, 6.0]],
+            [[180.0, 11.0, 6.0], [180.0, 12.0, 6.0]]
+        ]);
+        assert_eq!(geometry["coordinates"], expected);
     }
 }
