@@ -64,8 +64,16 @@ impl Estimator {
             prediction: judged.prediction,
         });
         row.signals = self.settings.residuals.then(|| signal_report(fixed));
+        let north_rad2 = row.position.as_ref().map_or(0.0, |position| {
+            north_variance_rad2(&position.geodetic, position.covariance_m2[(1, 1)])
+        });
         place_body(row, &self.settings);
         self.move_body(row, located);
+        // Only now: what is on the body has its place whatever is called north there.
+        if let Some(attitude) = row.outcome.attitude_mut() {
+            attitude.covariance_rad2[(0, 0)] += north_rad2;
+            *attitude = attitude.certain_to(self.settings.max_angle_sd_rad);
+        }
     }
 
     /// Takes the velocity of the antenna to the body origin, once the attitude is known.
@@ -79,6 +87,14 @@ impl Estimator {
         let velocity_mps = body_velocity(located, array, &(ecef_from_ned * ned_from_body));
         position.velocity_mps = velocity_mps.map(|v| ecef_from_ned.inverse() * v);
     }
+}
+
+/// How uncertain the direction of north is, rad²: a place that is off by `δ` eastward is off by
+/// `δ / ((N + h) cos φ)` in longitude, and as the meridians meet at the poles their direction by `sin φ` of that:
+/// `σ_north = tan φ σ_east / (N + h)`. A metre makes 0.00001° at 45°, and 6° at 10 m from a pole.
+fn north_variance_rad2(place: &Geodetic, east_m2: f64) -> f64 {
+    let [_, across_m] = place.curvature_radii_m();
+    (place.latitude_rad.tan() / (across_m + place.height_m)).powi(2) * east_m2
 }
 
 /// What the solution leaves of each signal, and the integers.
@@ -127,4 +143,24 @@ pub(crate) fn place_body(row: &mut EpochSolution, settings: &Settings) {
     position.position_m = at(origin);
     position.covariance_m2 = covariance_at(origin);
     position.geodetic = Geodetic::from_ecef(position.position_m);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// North of a place a metre further east, seen in the local level axes of the place itself.
+    #[test]
+    fn north_is_as_uncertain_as_the_meridians_meet() {
+        for latitude_deg in [-89.99, -60.0, 0.0, 45.0, 89.999] {
+            let place = Geodetic::from_degrees(latitude_deg, 30.0, 500.0);
+            let east = place.ecef_from_ned() * Vector::new(0.0, 1.0, 0.0);
+            let moved = Geodetic::from_ecef(place.to_ecef() + east);
+            let north = place.ecef_from_ned().inverse()
+                * (moved.ecef_from_ned() * Vector::new(1.0, 0.0, 0.0));
+            let turned_rad = north.xyz().y.atan2(north.xyz().x).abs();
+            let sd_rad = north_variance_rad2(&place, 1.0).sqrt();
+            assert!((sd_rad - turned_rad).abs() < 1e-3 * turned_rad + 1e-12, "{latitude_deg}");
+        }
+    }
 }
