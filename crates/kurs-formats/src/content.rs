@@ -69,12 +69,10 @@ impl Content {
             if let [b'$', b'A'..=b'Z', b'A'..=b'Z', ..] = start {
                 return Self::Nmea;
             }
-            let text = start.trim_ascii_start();
-            let readable = start.iter().all(|b| matches!(b, b'\t' | b'\r' | b'\n' | b' '..=b'~'));
-            match (text, readable) {
-                ([b'<', ..], true) => Self::Html,
-                (_, true) => Self::Text(first_words(text)),
-                (_, false) => Self::Noise,
+            match start.trim_ascii_start() {
+                _ if !is_readable(start) => Self::Noise,
+                [b'<', ..] => Self::Html,
+                text => Self::Text(first_words(text)),
             }
         })
     }
@@ -136,9 +134,22 @@ impl Content {
     }
 }
 
+/// Whether it is UTF-8 without control characters; the last letter may be cut off.
+fn is_readable(start: &[u8]) -> bool {
+    let text = match core::str::from_utf8(start) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => {
+            core::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => return false,
+    };
+    text.chars().all(|letter| matches!(letter, '\t' | '\r' | '\n') || !letter.is_control())
+}
+
 fn first_words(text: &[u8]) -> String {
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
-    String::from_utf8_lossy(&line[..line.len().min(40)]).trim().to_owned()
+    let words: String = String::from_utf8_lossy(line).chars().take(40).collect();
+    words.trim().to_owned()
 }
 
 impl fmt::Display for Content {
@@ -165,6 +176,17 @@ impl fmt::Display for Content {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn text_has_any_letters() {
+        let words = "Kurs — heading, «тангаж», крен and some more of it\n";
+        let text = Content::Text("Kurs — heading, «тангаж», крен and some".into());
+        assert_eq!(Content::of(words.as_bytes()), text);
+        // A letter that the end of the part that is read cuts off, and bytes that are none.
+        assert_eq!(Content::of(&words.as_bytes()[..6]), Content::Text("Kurs".into()));
+        assert_eq!(Content::of(b"Kurs \xff heading"), Content::Noise);
+        assert_eq!(Content::of("Kurs \u{1}".as_bytes()), Content::Noise);
+    }
 
     fn header(kind: &str, label: &str) -> Vec<u8> {
         format!("     3.04           {kind:<40}{label}\n").into_bytes()

@@ -496,6 +496,10 @@ fn count_epochs(scenario: &Scenario) -> Result<usize, ScenarioError> {
         let problem = format!("{interval_s}, expected from {SHORTEST_S} to {LONGEST_S}");
         return Err(ScenarioError::new("interval_s", problem));
     }
+    if *duration_s < 0.0 {
+        let problem = format!("{duration_s}, expected at least 0, which is one epoch");
+        return Err(ScenarioError::new("duration_s", problem));
+    }
     let count = (duration_s / interval_s + 1e-6).floor() + 1.0;
     if !(1.0..=MOST).contains(&count) {
         let problem = format!("{duration_s} with {count} epochs, expected 1 to {MOST} epochs");
