@@ -174,7 +174,7 @@ fn a_configuration_is_begun_from_files() {
     let earlier = text(session(), "bow.rnx").replace("> 2024 ", "> 2023 ");
     fs::write(folder.path().join("earlier.rnx"), earlier).unwrap();
     let told = of(&["earlier.rnx", &stern, &nav]);
-    assert!(told.contains("\nno common time: bow ends before stern begins, 2024-"), "{told}");
+    assert!(told.contains("\nno common time: earlier ends before stern begins, 2024-"), "{told}");
 }
 
 #[test]
