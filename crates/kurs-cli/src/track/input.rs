@@ -1,6 +1,7 @@
 //! Measurements from CSV files with units in the column names, and from Tracking Data Messages.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
+use std::collections::HashSet;
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
@@ -38,6 +39,19 @@ pub(super) fn read(config: &Config, folder: &Path) -> anyhow::Result<Vec<Observa
         bail!("no measurements in the files of `track.files`");
     }
     observations.sort_by_key(|observation| observation.time);
+    // Counted twice, a measurement would weigh twice.
+    let read = observations.len();
+    let mut seen = HashSet::with_capacity(read);
+    observations.retain(|Observation { time, measurement }| {
+        let Measurement { station, quantity, value, .. } = *measurement;
+        seen.insert((*time, station, quantity, value.to_bits()))
+    });
+    let repeats = read - observations.len();
+    if repeats > 0 {
+        eprintln!(
+            "note: {repeats} of {read} measurements are exact repeats of others and left out"
+        );
+    }
     Ok(observations)
 }
 

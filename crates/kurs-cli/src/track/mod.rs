@@ -9,20 +9,23 @@ mod report;
 mod simulate;
 mod write;
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::bail;
 use kurs::frames::{Ecef, Vector};
+use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs::trajectory::station::Station;
 use serde::Serialize;
 
 use self::config::{Config, SimulateConfig};
 use self::input::Observation;
 use self::monte_carlo::SetComparison;
-use self::path::{PathFound, Status};
+use self::path::{PathFound, Residual, Status};
 use self::simulate::TruePoint;
+use self::write::words;
 use crate::failure::{ExitCode, UsageError};
 use crate::output::{self, OutputFolder};
 use crate::pipe::{self, InputFile};
@@ -86,14 +89,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let stations = config.stations()?;
     let simulation = Simulation::of(args, &config, &stations)?;
     let folder = &pipe::folder_of(file.path());
+    let inputs: Vec<PathBuf> = config.track.files.iter().map(|file| folder.join(file)).collect();
+    let named: &[PathBuf] = if args.simulate { &[] } else { &inputs };
+    let outputs = OutputFolder::begin(&args.out, OUTPUTS, named)?;
     let observations = observations(args, &config, &stations, simulation.as_ref(), folder)?;
-    let files = config.track.files.iter().filter(|_| !args.simulate);
-    let files: Vec<PathBuf> = files.map(|file| folder.join(file)).collect();
-    let outputs = OutputFolder::begin(&args.out, OUTPUTS, &files)?;
     if let Some(simulation) = &simulation {
         write::simulated(&config, &observations, &simulation.truth, outputs.path())?;
     }
     let found = path::find(&config, &stations, &observations)?;
+    note_left_out(&config, &found);
     let mut told = String::new();
     write::trajectory(&found.points, outputs.path())?;
     write::residuals(&config, &found, outputs.path())?;
@@ -101,6 +105,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     write::maps(&found.points, outputs.path())?;
     let counts = Counts::of(&found, observations.len());
     writeln!(told, "{counts}")?;
+    if let Some(misfit) = found.misfit {
+        writeln!(
+            told,
+            "the residuals are {misfit:.1} times what the standard deviations say: these are too small, or \
+             the object manoeuvres more than `jerk_mps2_per_sqrt_s`; every point is inconsistent"
+        )?;
+    }
 
     let mut comparisons = Vec::new();
     if let Some(simulation) = &simulation {
@@ -110,7 +121,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     if args.report {
-        report::write(&config, &stations, &found, &comparisons, &files, outputs.path())?;
+        report::write(&config, &stations, &found, &comparisons, named, outputs.path())?;
     }
     output::write_json(outputs.path(), "summary.json", &counts)?;
     outputs.publish()?;
@@ -124,6 +135,31 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             bail!("every point is lost, the first one because: {}", first.reason)
         }
         _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Names the stations that lost more than a few measurements of a kind.
+fn note_left_out(config: &Config, found: &PathFound) {
+    /// More than this share does not come from single faults.
+    const FEW: f64 = 0.05;
+    let mut counts: BTreeMap<(usize, Quantity), [usize; 2]> = BTreeMap::new();
+    for Residual { observation, excluded, .. } in &found.residuals {
+        let Measurement { station, quantity, .. } = observation.measurement;
+        let [left_out, all] = counts.entry((station, quantity)).or_default();
+        *left_out += usize::from(*excluded);
+        *all += 1;
+    }
+    for ((station, quantity), [left_out, all]) in counts {
+        let share = left_out as f64 / all as f64;
+        if share > FEW {
+            eprintln!(
+                "note: station `{}`, {}: {left_out} of {all} measurements are left out ({:.0} %), the \
+                 others contradict them",
+                config.station[station].name,
+                words(quantity).0,
+                100.0 * share
+            );
+        }
     }
 }
 

@@ -15,10 +15,8 @@ use nalgebra::Matrix3;
 use super::config::{Config, ModelKind};
 use super::input::Observation;
 
-/// A smoothed residual above this many standard deviations is an outlier.
-const OUTLIER_SIGMAS: f64 = 5.0;
-/// Rounds of smoothing and leaving out.
-const MAX_ROUNDS: usize = 5;
+/// Rounds in which the effect of the air is found for the place where the object is.
+const ROUNDS_IN_AIR: usize = 3;
 /// Intervals whose measurements are taken together for a rough start of the smoother, s.
 const START_WINDOWS_S: [f64; 4] = [1.0, 5.0, 20.0, 60.0];
 
@@ -74,6 +72,8 @@ pub(super) struct PathFound {
     pub(super) points: Vec<PathPoint>,
     pub(super) residuals: Vec<Residual>,
     pub(super) parameters: Vec<(Parameter, [f64; 2])>,
+    /// Residuals of the whole path in what the standard deviations allow, where that is too much.
+    pub(super) misfit: Option<f64>,
 }
 
 /// Finds the path by the model of the configuration.
@@ -186,7 +186,7 @@ fn solve_group(
     measured: &[Measurement],
     prior: Option<Vector<Ecef>>,
 ) -> Result<(Screened, Vec<Measurement>), String> {
-    let rounds = if config.refraction.is_some() { 3 } else { 1 };
+    let rounds = if config.refraction.is_some() { ROUNDS_IN_AIR } else { 1 };
     let mut corrected = measured.to_vec();
     let mut screened = solve_once(config, stations, &corrected, prior)?;
     for _ in 1..rounds {
@@ -258,87 +258,89 @@ fn without_air(
     Measurement { value: measurement.value - effect, ..*measurement }
 }
 
-/// All measurements joined by white jerk; residuals above five standard deviations are left out and
-/// the rest smoothed again.
+/// All measurements joined by white jerk; with refraction, again with the measurements corrected for
+/// the path.
 fn smoothed(
     config: &Config,
     stations: &[Station],
     observations: &[Observation],
 ) -> anyhow::Result<PathFound> {
     let start_time = observations[0].time;
+    let seconds = |time: GpsTime| time - start_time;
     let start = rough_start(config, stations, observations)?;
-    let start = start.iter().map(|(time, position)| (*time - start_time, *position)).collect();
+    let mut path: Vec<(f64, Vector<Ecef>)> =
+        start.iter().map(|(time, position)| (seconds(*time), *position)).collect();
     let jerk = config.track.jerk_mps2_per_sqrt_s;
-    let parameters = config.station.iter().enumerate().flat_map(|(k, s)| s.parameters(k)).collect();
-    let model = Model { jerk_density: jerk * jerk, parameters };
-    let (trajectory, mut residuals) =
-        smooth_without_outliers(config, stations, observations, start, &model)?;
-    residuals.sort_by_key(|residual| residual.observation.time);
-    let point = |p: &TrajectoryPoint| path_point(p, start_time + p.time_s, &residuals);
-    let points = trajectory.points.iter().map(point).collect();
-    let parameters = model.parameters.into_iter().zip(trajectory.parameters).collect();
-    Ok(PathFound { points, residuals, parameters })
-}
-
-/// Smooths until no residual is an outlier; `path`: positions to start from, by seconds from the
-/// first measurement. An outlier's residual is that of the round which found it.
-fn smooth_without_outliers(
-    config: &Config,
-    stations: &[Station],
-    observations: &[Observation],
-    mut path: Vec<(f64, Vector<Ecef>)>,
-    model: &Model,
-) -> anyhow::Result<(Trajectory, Vec<Residual>)> {
-    let seconds = |time: GpsTime| time - observations[0].time;
-    let mut kept: Vec<Observation> = observations.to_vec();
-    let mut residuals: Vec<Residual> = Vec::new();
-    let mut trajectory: Option<Trajectory> = None;
-    for _ in 0..MAX_ROUNDS {
-        let timed: Vec<TimedMeasurement> = kept
-            .iter()
-            .map(|o| {
-                let near = nearest(&path, seconds(o.time));
-                let measurement = without_air(config, stations, &o.measurement, near);
-                TimedMeasurement { time_s: seconds(o.time), measurement }
-            })
-            .collect();
-        let smoothed = smooth(stations, &timed, &path, model)?;
-        path = smoothed.points.iter().map(|p| (p.time_s, p.position_m)).collect();
-        let is_outlier =
-            |k: usize| (smoothed.residuals[k] / kept[k].measurement.sigma).abs() > OUTLIER_SIGMAS;
-        let outliers: Vec<bool> = (0..kept.len()).map(is_outlier).collect();
-        let clean = !outliers.contains(&true) || config.track.outlier_probability == 0.0;
-        for (k, observation) in kept.iter().enumerate() {
-            if clean || outliers[k] {
-                let residual = smoothed.residuals[k];
-                residuals.push(Residual { observation: *observation, residual, excluded: !clean });
-            }
-        }
-        trajectory = Some(smoothed);
-        if clean {
-            break;
-        }
-        let mut flags = outliers.iter();
-        kept.retain(|_| flags.next() == Some(&false));
-    }
-    Ok((trajectory.ok_or_else(|| anyhow::anyhow!("no measurements"))?, residuals))
-}
-
-fn path_point(p: &TrajectoryPoint, time: GpsTime, residuals: &[Residual]) -> PathPoint {
-    let count = |excluded: bool| {
-        let is_own = |r: &&Residual| r.excluded == excluded && r.observation.time == time;
-        residuals.iter().filter(is_own).count()
+    let model = Model {
+        jerk_density: jerk * jerk,
+        same_time_s: config.track.same_time_s,
+        outlier_probability: config.track.outlier_probability,
+        parameters: config.station.iter().enumerate().flat_map(|(k, s)| s.parameters(k)).collect(),
     };
+    let smooth_about = |path: &[(f64, Vector<Ecef>)]| {
+        let timed = |o: &Observation| {
+            let time_s = seconds(o.time);
+            let measurement = without_air(config, stations, &o.measurement, nearest(path, time_s));
+            TimedMeasurement { time_s, measurement }
+        };
+        let timed: Vec<TimedMeasurement> = observations.iter().map(timed).collect();
+        smooth(stations, &timed, path, &model)
+    };
+    let mut trajectory = smooth_about(&path)?;
+    if config.refraction.is_some() {
+        for _ in 1..ROUNDS_IN_AIR {
+            path = trajectory.points.iter().map(|p| (p.time_s, p.position_m)).collect();
+            trajectory = smooth_about(&path)?;
+        }
+    }
+    let points =
+        trajectory.points.iter().map(|p| smoothed_point(config, start_time, p, &trajectory));
+    let points = points.collect();
+    let residuals = observations.iter().zip(trajectory.residuals.iter().zip(&trajectory.left_out));
+    let residuals = residuals.map(|(observation, (residual, excluded))| Residual {
+        observation: *observation,
+        residual: *residual,
+        excluded: *excluded,
+    });
+    let residuals = residuals.collect();
+    let misfit = (!trajectory.agrees()).then(|| trajectory.misfit());
+    let parameters = model.parameters.into_iter().zip(trajectory.parameters).collect();
+    Ok(PathFound { points, residuals, parameters, misfit })
+}
+
+/// A point of the smoothed path, judged by its own residuals and by those of the whole.
+fn smoothed_point(
+    config: &Config,
+    start_time: GpsTime,
+    point: &TrajectoryPoint,
+    trajectory: &Trajectory,
+) -> PathPoint {
+    let TrajectoryPoint { used, left_out, likelihood, .. } = *point;
+    let likely = likelihood.is_none_or(|likelihood| likelihood >= config.track.outlier_probability);
+    let (status, reason) = if used == 0 {
+        (Status::Lost, format!("all {left_out} measurements of this time are left out"))
+    } else if !point.is_determined() {
+        (Status::Lost, "the measurements of this stretch do not determine the position".to_owned())
+    } else if !trajectory.agrees() {
+        let misfit = trajectory.misfit();
+        let reason = format!("residuals of the whole path are {misfit:.1} times what is stated");
+        (Status::Inconsistent, reason)
+    } else if likely {
+        (Status::Ok, String::new())
+    } else {
+        (Status::Inconsistent, String::new())
+    };
+    let found = status != Status::Lost;
     PathPoint {
-        time,
-        status: Status::Ok,
-        reason: String::new(),
-        position_m: Some(p.position_m),
-        velocity_mps: Some(p.velocity_mps),
-        covariance_m2: Some(p.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
-        measurements: count(false),
-        excluded: count(true),
-        likelihood: None,
+        time: start_time + point.time_s,
+        status,
+        reason,
+        position_m: found.then_some(point.position_m),
+        velocity_mps: found.then_some(point.velocity_mps),
+        covariance_m2: found.then(|| point.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
+        measurements: used + left_out,
+        excluded: left_out,
+        likelihood,
     }
 }
 

@@ -47,9 +47,12 @@ pub(super) fn truth(
         let (from, to) = (&waypoints[later - 1], &waypoints[later]);
         let share = (time_s - from.time_s) / (to.time_s - from.time_s);
         let between = |a: f64, b: f64| a + (b - a) * share;
+        // The short way round, across the date line too.
+        let eastward_deg =
+            180.0 - (180.0 - (to.longitude_deg - from.longitude_deg)).rem_euclid(360.0);
         let place = Geodetic::from_degrees(
             between(from.latitude_deg, to.latitude_deg),
-            between(from.longitude_deg, to.longitude_deg),
+            from.longitude_deg + eastward_deg * share,
             between(from.height_m, to.height_m),
         );
         points.push(TruePoint {

@@ -181,8 +181,8 @@ fn broken_input_is_named() {
         let config = change(fs::read_to_string(example("radar.toml")).unwrap());
         fs::write(folder.path().join("a.toml"), config).unwrap();
         fs::write(folder.path().join("measurements.tdm"), measurements).unwrap();
-        let path = folder.path().join("a.toml");
-        let output = kurs(&[path.to_str().unwrap(), "--out", folder.path().to_str().unwrap()]);
+        let (path, out) = (folder.path().join("a.toml"), folder.path().join("out"));
+        let output = kurs(&[path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
         text(&output.stderr)
     };
@@ -275,6 +275,139 @@ fn rows_that_no_station_measures_are_refused() {
     // Noise beyond the zenith is none of the row's faults.
     let zenith = row("azimuth_deg,elevation_deg,range_m", "0,S2,10,90.01,5e4");
     refuse(&zenith, "the geometry does not determine the position");
+}
+
+/// Two stations with angles, one with a range: a flight along a meridian, a row a second; `wrong` is
+/// added to the range at a time.
+fn flight(seconds: u32, wrong: impl Fn(u32) -> f64) -> (String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let config = format!(
+        "[[station]]\nname = \"A\"\nlatitude_deg = 54.9\nlongitude_deg = 36.5\nheight_m = 100\n\
+         azimuth_sd_deg = 0.01\nelevation_sd_deg = 0.01\nrange_sd_m = 3\n\
+         [[station]]\nname = \"B\"\nlatitude_deg = 55.3\nlongitude_deg = 37.2\nheight_m = 150\n\
+         azimuth_sd_deg = 0.01\nelevation_sd_deg = 0.01\nrange_sd_m = 3\n\
+         [track]\nfiles = [\"m.csv\"]\nmodel = \"smooth\"\njerk_mps2_per_sqrt_s = 0.3\n\
+         [simulate]\nseed = 3\nmeasure = [\"A azimuth\", \"A elevation\", \"B azimuth\", \
+         \"B elevation\", \"B range\"]\n\
+         [[simulate.waypoint]]\ntime_s = 0\nlatitude_deg = 55\nlongitude_deg = 37\nheight_m = 8000\n\
+         [[simulate.waypoint]]\ntime_s = {seconds}\nlatitude_deg = {}\nlongitude_deg = 37\n\
+         height_m = 8000\n",
+        55.0 + 0.002 * f64::from(seconds)
+    );
+    let path = folder.path().join("c.toml");
+    fs::write(&path, &config).unwrap();
+    let made =
+        kurs(&[path.to_str().unwrap(), "--simulate", "--out", folder.path().to_str().unwrap()]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let table = fs::read_to_string(folder.path().join("measurements.csv")).unwrap();
+    let rows = table.lines().enumerate().map(|(k, row)| {
+        let mut fields: Vec<String> = row.split(',').map(str::to_owned).collect();
+        if let (1.., Ok(range)) = (k, fields[5].parse::<f64>()) {
+            let second = u32::try_from((k - 1) / 5).unwrap();
+            fields[5] = (range + wrong(second)).to_string();
+        }
+        fields.join(",") + "\n"
+    });
+    (config, rows.collect())
+}
+
+/// Runs on these measurements; the folder, what was printed and what was said beside it.
+fn solve(config: &str, measurements: &str) -> (tempfile::TempDir, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.toml");
+    fs::write(&path, config).unwrap();
+    fs::write(folder.path().join("m.csv"), measurements).unwrap();
+    let out = folder.path().join("out");
+    let output = kurs(&[path.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    (folder, text(&output.stdout), text(&output.stderr))
+}
+
+/// A range that is 300 m off from the 60th second on is left out by name, the healthy angles stay, and
+/// the points say how likely their residuals are.
+#[test]
+fn a_wrong_station_is_named_and_the_healthy_ones_are_kept() {
+    let (config, measurements) = flight(120, |second| if second > 60 { 300.0 } else { 0.0 });
+    let (folder, printed, said) = solve(&config, &measurements);
+    assert!(
+        said.contains("station `B`, range: 60 of 121 measurements are left out (50 %)"),
+        "{said}"
+    );
+    assert!(!said.contains("`A`"), "{said}");
+    assert!(printed.contains("121 points: 12") && printed.contains(" 0 lost"), "{printed}");
+    let table = fs::read_to_string(folder.path().join("out/trajectory.csv")).unwrap();
+    let likelihoods =
+        table.lines().skip(1).map(|row| row.split(',').nth(6).unwrap().parse::<f64>());
+    let likelihoods: Vec<f64> = likelihoods.map(Result::unwrap).collect();
+    let mean = likelihoods.iter().sum::<f64>() / likelihoods.len() as f64;
+    assert!((mean - 0.5).abs() < 0.15, "{mean}");
+}
+
+/// Standard deviations of a third of the noise: nothing is thrown out, no point is `ok`. An instant of
+/// one wrong measurement leaves a row.
+#[test]
+fn what_the_smoother_does_not_believe_is_told() {
+    let (config, measurements) = flight(120, |_| 0.0);
+    let small = config.replace("_sd_deg = 0.01", "_sd_deg = 0.003").replace("sd_m = 3", "sd_m = 1");
+    let (_, printed, said) = solve(&small, &measurements);
+    assert!(
+        printed.contains("121 points: 0 ok, 0 ambiguous, 121 inconsistent, 0 lost"),
+        "{printed}"
+    );
+    assert!(printed.contains("the residuals are 3.") && said.is_empty(), "{printed}{said}");
+
+    let alone = measurements.clone() + "2026-01-01T00:01:00.5,B,,,,99000,,,\n";
+    let (folder, printed, _) = solve(&config, &alone);
+    assert!(printed.contains("122 points: ") && printed.contains(" 1 lost"), "{printed}");
+    let table = fs::read_to_string(folder.path().join("out/trajectory.csv")).unwrap();
+    assert!(table.contains(",lost,all 1 measurements of this time are left out,1,1,"), "{table}");
+}
+
+/// Each row twice gives the covariance of once.
+#[test]
+fn repeated_measurements_count_once() {
+    let (config, measurements) = flight(20, |_| 0.0);
+    let (header, rows) = measurements.split_once('\n').unwrap();
+    let (once, ..) = solve(&config, &measurements);
+    let (twice, _, said) = solve(&config, &format!("{header}\n{rows}{rows}"));
+    assert!(said.contains("105 of 210 measurements are exact repeats"), "{said}");
+    let table = |folder: &tempfile::TempDir| {
+        fs::read_to_string(folder.path().join("out/trajectory.csv")).unwrap()
+    };
+    assert_eq!(table(&once), table(&twice));
+}
+
+#[test]
+fn results_of_an_older_run_are_gone_when_new_input_is_refused() {
+    let (config, measurements) = flight(20, |_| 0.0);
+    let (folder, ..) = solve(&config, &measurements);
+    assert!(folder.path().join("out/trajectory.csv").exists());
+    fs::write(folder.path().join("m.csv"), "time_s,station,azimuth_deg\n0,A,xx\n").unwrap();
+    let (config, out) = (folder.path().join("c.toml"), folder.path().join("out"));
+    let output = kurs(&[config.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(!folder.path().join("out/trajectory.csv").exists());
+}
+
+/// A path from 179.9° east to 179.9° west is 11 km long, not round the Earth.
+#[test]
+fn a_simulated_path_crosses_the_date_line() {
+    let (config, _) = flight(20, |_| 0.0);
+    let config = config
+        .replace("longitude_deg = 36.5", "longitude_deg = 179.5")
+        .replace("longitude_deg = 37.2", "longitude_deg = -179.5")
+        .replacen("longitude_deg = 37\n", "longitude_deg = 179.9\n", 1)
+        .replacen("longitude_deg = 37\n", "longitude_deg = -179.9\n", 1);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.toml");
+    fs::write(&path, config).unwrap();
+    let out = folder.path().to_str().unwrap();
+    let output = kurs(&[path.to_str().unwrap(), "--simulate", "--out", out]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let truth = fs::read_to_string(folder.path().join("truth.csv")).unwrap();
+    for row in truth.lines().skip(1) {
+        let longitude_deg: f64 = row.split(',').nth(2).unwrap().parse().unwrap();
+        assert!(longitude_deg.abs() > 179.8, "{row}");
+    }
 }
 
 #[test]

@@ -5,6 +5,11 @@
 //! trajectory is found by Gauss–Newton over all of it: each step is a Kalman filter forward and a
 //! Rauch–Tung–Striebel pass back, with the measurements linearised about the trajectory of the step
 //! before. Constants of the stations are states without noise.
+//!
+//! After a pause in which the motion is forgotten a new stretch begins: it has the constants of the
+//! stations in common with the one before, and nothing else.
+
+mod screening;
 
 use core::ops::Range;
 
@@ -25,6 +30,8 @@ const MAX_ITERATIONS: usize = 30;
 const CONVERGED: f64 = 1e-3;
 /// Before any measurement: standard deviations about the start, wide enough not to matter.
 const FIRST_SIGMAS: [f64; 3] = [1e5, 5e3, 5e2];
+/// Standard deviations of measurements are stated to no better than a quarter.
+const STATED_TO: f64 = 1.25;
 
 /// A measurement with its time tag, seconds after an origin of the caller's choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,12 +66,17 @@ pub enum ParameterKind {
     RangeBias,
 }
 
-/// The model of motion and the unknowns of the stations.
-#[derive(Debug, Clone, PartialEq)]
+/// The model of motion and of the measurements, and the unknowns of the stations.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Model {
     /// Spectral density of the white jerk, m²/s⁵: the square of the change of acceleration (m/s²)
     /// to be expected in one second.
     pub jerk_density: f64,
+    /// Measurements no later than this after the first of them make one point.
+    pub same_time_s: f64,
+    /// Measurements of a point are left out while residuals as large as theirs are less likely than
+    /// this; 0 keeps all.
+    pub outlier_probability: f64,
     /// Unknown constants of stations.
     pub parameters: Vec<Parameter>,
 }
@@ -82,22 +94,58 @@ pub struct TrajectoryPoint {
     pub acceleration_mps2: Vector<Ecef>,
     /// Covariance of position, velocity and acceleration in that order.
     pub covariance: SMatrix<f64, 9, 9>,
+    /// How many measurements of this time were used.
+    pub used: usize,
+    /// How many were left out.
+    pub left_out: usize,
+    /// Probability of residuals at least as large as those used here, if the standard deviations are
+    /// right; `None` if no other measurement checks them.
+    pub likelihood: Option<f64>,
+}
+
+impl TrajectoryPoint {
+    /// Whether the measurements say more of the position than was known before any of them.
+    #[must_use]
+    pub fn is_determined(&self) -> bool {
+        let variance = self.covariance.fixed_view::<3, 3>(0, 0).diagonal().max();
+        variance.sqrt() < 0.5 * FIRST_SIGMAS[0]
+    }
 }
 
 /// A trajectory and all that was found with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
-    /// One point for every distinct time tag, in order.
+    /// One point for every distinct time, in order.
     pub points: Vec<TrajectoryPoint>,
     /// Value and standard deviation of each parameter of the model.
     pub parameters: Vec<[f64; 2]>,
     /// Measured minus calculated, in the order of the measurements given, in their units.
     pub residuals: Vec<f64>,
-    /// Sum of the squared normalised innovations of the last filter pass: χ² with as many degrees
-    /// of freedom as there are measurements, less the nine of the unknown start.
+    /// Whether a measurement was left out, in the order of the measurements given.
+    pub left_out: Vec<bool>,
+    /// Sum of the squared normalised innovations of the last filter pass: χ² with
+    /// `degrees_of_freedom`.
     pub innovation_cost: f64,
+    /// Measurements used, less the nine unknowns of the start of each stretch.
+    pub degrees_of_freedom: usize,
     /// Gauss–Newton steps.
     pub iterations: usize,
+}
+
+impl Trajectory {
+    /// The innovations in their standard deviations, root mean square: 1 if these are right.
+    #[must_use]
+    pub fn misfit(&self) -> f64 {
+        (self.innovation_cost / self.degrees_of_freedom.max(1) as f64).sqrt()
+    }
+
+    /// Whether the whole agrees with standard deviations that are stated to a quarter.
+    #[must_use]
+    pub fn agrees(&self) -> bool {
+        // χ² / n has the variance 2 / n; three standard deviations are allowed.
+        let chance = 1.0 + 3.0 * (2.0 / self.degrees_of_freedom.max(1) as f64).sqrt();
+        self.misfit().powi(2) <= STATED_TO * STATED_TO * chance
+    }
 }
 
 /// Why there is no trajectory.
@@ -144,22 +192,18 @@ pub fn smooth(
     model: &Model,
 ) -> Result<Trajectory, NotSmoothed> {
     check(stations, measurements, start, model)?;
-    let smoother = Smoother { stations, measurements, model, nodes: nodes(measurements) };
-    let mut states = smoother.first_states(start);
-    for iterations in 1..=MAX_ITERATIONS {
-        let filtered = smoother.filter(&states)?;
-        let smoothed = smoother.smooth_back(&filtered)?;
-        let moved = largest_move(&states, &smoothed);
-        states = smoothed.iter().map(|estimate| estimate.state.clone()).collect();
-        if moved < CONVERGED {
-            let innovation_cost = filtered.iter().map(|step| step.innovation_cost).sum();
-            return Ok(smoother.trajectory(&smoothed, innovation_cost, iterations));
-        }
-    }
-    Err(NotSmoothed::NotConverged)
+    let nodes = nodes(measurements, model.same_time_s);
+    let left_out = vec![false; measurements.len()];
+    let mut smoother = Smoother { stations, measurements, model, nodes, left_out };
+    let start = smoother.first_states(start);
+    let fit = match model.outlier_probability > 0.0 {
+        true => smoother.fit_without_outliers(start)?,
+        false => smoother.fit(start)?,
+    };
+    Ok(smoother.trajectory(&fit))
 }
 
-/// Measurements with one time tag.
+/// Measurements of one time.
 struct Node {
     time_s: f64,
     members: Vec<usize>,
@@ -170,6 +214,8 @@ struct Smoother<'a> {
     measurements: &'a [TimedMeasurement],
     model: &'a Model,
     nodes: Vec<Node>,
+    /// By measurement.
+    left_out: Vec<bool>,
 }
 
 /// State (motion, then parameters) with covariance.
@@ -177,6 +223,19 @@ struct Smoother<'a> {
 struct StateEstimate {
     state: DVector<f64>,
     covariance: DMatrix<f64>,
+}
+
+/// The estimates of a Gauss–Newton iteration that has settled.
+struct Fit {
+    smoothed: Vec<StateEstimate>,
+    innovation_cost: f64,
+    iterations: usize,
+}
+
+impl Fit {
+    fn states(&self) -> Vec<DVector<f64>> {
+        self.smoothed.iter().map(|estimate| estimate.state.clone()).collect()
+    }
 }
 
 /// One node of the forward pass: before and after its measurements.
@@ -203,25 +262,82 @@ impl Smoother<'_> {
         self.nodes.iter().map(state).collect()
     }
 
+    /// Gauss–Newton over the whole from these states, without what is left out.
+    fn fit(&self, mut states: Vec<DVector<f64>>) -> Result<Fit, NotSmoothed> {
+        for iterations in 1..=MAX_ITERATIONS {
+            let filtered = self.filter(&states)?;
+            let smoothed = self.smooth_back(&filtered)?;
+            let moved = largest_move(&states, &smoothed);
+            if moved < CONVERGED {
+                let innovation_cost = filtered.iter().map(|step| step.innovation_cost).sum();
+                return Ok(Fit { smoothed, innovation_cost, iterations });
+            }
+            states = smoothed.into_iter().map(|estimate| estimate.state).collect();
+        }
+        Err(NotSmoothed::NotConverged)
+    }
+
     /// Kalman filter, the measurements linearised about `reference`.
     fn filter(&self, reference: &[DVector<f64>]) -> Result<Vec<FilterStep>, NotSmoothed> {
         let mut steps: Vec<FilterStep> = Vec::with_capacity(self.nodes.len());
-        for (k, node) in self.nodes.iter().enumerate() {
-            let predicted = match steps.last() {
-                None => self.before_all(&reference[0]),
-                Some(last) => self.predict(&last.updated, node.time_s - self.nodes[k - 1].time_s),
-            };
-            let mut updated = predicted.clone();
-            let mut innovation_cost = 0.0;
-            for &index in &node.members {
-                innovation_cost += self.update(&mut updated, index, &reference[k]);
-            }
+        for k in 0..self.nodes.len() {
+            let last = steps.last().map(|step| &step.updated);
+            let predicted = self.before_node(k, last, &reference[k]);
+            let (updated, innovation_cost) =
+                self.after_node(k, &predicted, &reference[k], &self.left_out);
             if !updated.state.iter().all(|value| value.is_finite()) {
                 return Err(NotSmoothed::Singular);
             }
             steps.push(FilterStep { predicted, updated, innovation_cost });
         }
         Ok(steps)
+    }
+
+    /// What is known before the measurements of a node, from all that were before.
+    fn before_node(
+        &self,
+        k: usize,
+        last: Option<&StateEstimate>,
+        reference: &DVector<f64>,
+    ) -> StateEstimate {
+        let Some(last) = last else { return self.before_all(reference) };
+        if !self.begins_stretch(k) {
+            return self.predict(last, self.nodes[k].time_s - self.nodes[k - 1].time_s);
+        }
+        let mut fresh = self.before_all(reference);
+        let constants = MOTION..self.size();
+        fresh
+            .state
+            .rows_range_mut(constants.clone())
+            .copy_from(&last.state.rows_range(constants.clone()));
+        fresh
+            .covariance
+            .view_range_mut(constants.clone(), constants.clone())
+            .copy_from(&last.covariance.view_range(constants.clone(), constants));
+        fresh
+    }
+
+    /// That with the measurements of the node, and their normalised innovations squared.
+    fn after_node(
+        &self,
+        k: usize,
+        predicted: &StateEstimate,
+        reference: &DVector<f64>,
+        left_out: &[bool],
+    ) -> (StateEstimate, f64) {
+        let mut updated = predicted.clone();
+        let used = self.nodes[k].members.iter().filter(|index| !left_out[**index]);
+        let cost = used.map(|index| self.update(&mut updated, k, *index, reference)).sum();
+        (updated, cost)
+    }
+
+    /// Whether white jerk has made the position at this node as uncertain as before any measurement:
+    /// q T⁵/20 ≥ σ².
+    fn begins_stretch(&self, k: usize) -> bool {
+        k == 0 || {
+            let interval_s = self.nodes[k].time_s - self.nodes[k - 1].time_s;
+            white_jerk(interval_s, self.model.jerk_density)[0][0] >= FIRST_SIGMAS[0].powi(2)
+        }
     }
 
     fn before_all(&self, reference: &DVector<f64>) -> StateEstimate {
@@ -265,8 +381,14 @@ impl Smoother<'_> {
     }
 
     /// One measurement; returns its normalised innovation squared.
-    fn update(&self, estimate: &mut StateEstimate, index: usize, reference: &DVector<f64>) -> f64 {
-        let (residual, row) = self.linearise(index, reference);
+    fn update(
+        &self,
+        estimate: &mut StateEstimate,
+        node: usize,
+        index: usize,
+        reference: &DVector<f64>,
+    ) -> f64 {
+        let (residual, row) = self.linearise(node, index, reference);
         let sigma = self.measurements[index].measurement.sigma;
         // ν = y − h(x̄) − H (x − x̄),  S = H P Hᵀ + σ²
         let innovation = residual - row.dot(&(&estimate.state - reference));
@@ -282,12 +404,13 @@ impl Smoother<'_> {
         innovation * innovation / variance
     }
 
-    /// Measured minus calculated at a state, and the derivative of the calculated number.
-    fn linearise(&self, index: usize, state: &DVector<f64>) -> (f64, DVector<f64>) {
+    /// Measured minus calculated at the state of a node, and the derivative of the calculated number.
+    fn linearise(&self, node: usize, index: usize, state: &DVector<f64>) -> (f64, DVector<f64>) {
         let Measurement { station, quantity, value, .. } = self.measurements[index].measurement;
         let reference = self.measurements[index].measurement.reference_or_station();
         let clock = self.parameter(state, station, ParameterKind::ClockOffset);
-        let late_s = clock.map_or(0.0, |(value, _)| value);
+        let after_node_s = self.measurements[index].time_s - self.nodes[node].time_s;
+        let late_s = clock.map_or(0.0, |(value, _)| value) - after_node_s;
         // The object where it was when the station's clock showed the tag: r(t − δ)
         let motion = Motion::of(state);
         let (calculated, gradient) = quantity.linearise(
@@ -335,7 +458,10 @@ impl Smoother<'_> {
                 continue;
             };
             let predicted = &steps[k + 1].predicted;
-            let transition = self.transition(self.nodes[k + 1].time_s - self.nodes[k].time_s);
+            let mut transition = self.transition(self.nodes[k + 1].time_s - self.nodes[k].time_s);
+            if self.begins_stretch(k + 1) {
+                transition.view_range_mut(0..MOTION, 0..MOTION).fill(0.0);
+            }
             // C = P Φᵀ (P⁻)⁻¹;  xˢ = x + C (xˢ₊ − x⁻);  Pˢ = P + C (Pˢ₊ − P⁻) Cᵀ
             let inverse = scaled_inverse(&predicted.covariance).ok_or(NotSmoothed::Singular)?;
             let gain = &now.covariance * transition.transpose() * inverse;
@@ -348,44 +474,45 @@ impl Smoother<'_> {
         Ok(smoothed)
     }
 
-    fn trajectory(
-        &self,
-        smoothed: &[StateEstimate],
-        innovation_cost: f64,
-        iterations: usize,
-    ) -> Trajectory {
-        let point = |(node, estimate): (&Node, &StateEstimate)| {
+    fn trajectory(&self, fit: &Fit) -> Trajectory {
+        let Fit { smoothed, innovation_cost, iterations } = fit;
+        let point = |(k, estimate): (usize, &StateEstimate)| {
             let part = |rows: Range<usize>| {
-                Vector::new(
-                    estimate.state[rows.start],
-                    estimate.state[rows.start + 1],
-                    estimate.state[rows.start + 2],
-                )
+                Vector::from_xyz(Vector3::from_fn(|axis, _| estimate.state[rows.start + axis]))
             };
+            let Node { time_s, members } = &self.nodes[k];
+            let left_out = members.iter().filter(|index| self.left_out[**index]).count();
             TrajectoryPoint {
-                time_s: node.time_s,
+                time_s: *time_s,
                 position_m: part(POSITION),
                 velocity_mps: part(VELOCITY),
                 acceleration_mps2: part(ACCELERATION),
                 covariance: estimate.covariance.fixed_view::<MOTION, MOTION>(0, 0).into_owned(),
+                used: members.len() - left_out,
+                left_out,
+                likelihood: self.likelihood(k, estimate),
             }
         };
         let mut residuals = vec![0.0; self.measurements.len()];
-        for (node, estimate) in self.nodes.iter().zip(smoothed) {
-            for &index in &node.members {
-                residuals[index] = self.linearise(index, &estimate.state).0;
+        for (k, estimate) in smoothed.iter().enumerate() {
+            for &index in &self.nodes[k].members {
+                residuals[index] = self.linearise(k, index, &estimate.state).0;
             }
         }
         let last = smoothed.last();
         let parameter = |column: usize| {
             last.map_or([0.0; 2], |e| [e.state[column], e.covariance[(column, column)].sqrt()])
         };
+        let used = self.left_out.iter().filter(|left_out| !**left_out).count();
+        let stretches = (0..self.nodes.len()).filter(|k| self.begins_stretch(*k)).count();
         Trajectory {
-            points: self.nodes.iter().zip(smoothed).map(point).collect(),
+            points: smoothed.iter().enumerate().map(point).collect(),
             parameters: (MOTION..self.size()).map(parameter).collect(),
             residuals,
-            innovation_cost,
-            iterations,
+            left_out: self.left_out.clone(),
+            innovation_cost: *innovation_cost,
+            degrees_of_freedom: used.saturating_sub(MOTION * stretches),
+            iterations: *iterations,
         }
     }
 }
@@ -455,15 +582,15 @@ fn largest_move(before: &[DVector<f64>], after: &[StateEstimate]) -> f64 {
     moves.fold(0.0, |largest: f64, one| if one.is_nan() { f64::INFINITY } else { largest.max(one) })
 }
 
-/// Measurements by time tag, in order of time.
-fn nodes(measurements: &[TimedMeasurement]) -> Vec<Node> {
+/// Measurements by time, in order: those within `same_time_s` of the first are one node.
+fn nodes(measurements: &[TimedMeasurement], same_time_s: f64) -> Vec<Node> {
     let mut order: Vec<usize> = (0..measurements.len()).collect();
     order.sort_by(|a, b| measurements[*a].time_s.total_cmp(&measurements[*b].time_s));
     let mut nodes: Vec<Node> = Vec::new();
     for index in order {
         let time_s = measurements[index].time_s;
         match nodes.last_mut() {
-            Some(node) if node.time_s == time_s => node.members.push(index),
+            Some(node) if time_s - node.time_s <= same_time_s => node.members.push(index),
             _ => nodes.push(Node { time_s, members: vec![index] }),
         }
     }
