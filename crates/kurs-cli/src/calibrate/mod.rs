@@ -10,6 +10,7 @@ use anyhow::{Context, bail};
 use kurs::calibration::allan::{self, AllanPoint};
 use kurs::calibration::gyro_bias::{self, GyroBias};
 use kurs::calibration::sensor_model::{Pose, SensorModel};
+use kurs::calibration::six_position::Levelling;
 use kurs::calibration::static_intervals::{self, RestSettings};
 use kurs::calibration::{multi_pose, six_position};
 use kurs::fusion::earth::gravity::normal_gravity_mps2;
@@ -34,7 +35,8 @@ enum Method {
     SixPosition {
         #[command(flatten)]
         input: Input,
-        /// How well the box was levelled, 1 sigma; shows in the result's uncertainty.
+        /// How well the box was levelled, 1 sigma; shows in the result's uncertainty. What the data show
+        /// is taken where it is worse.
         #[arg(long, default_value_t = 0.0)]
         levelling_deg: f64,
     },
@@ -141,26 +143,34 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.method {
         Method::SixPosition { input, levelling_deg } => {
             let gravity = input.gravity()?;
-            let poses = poses(&input.files)?;
             let levelling_rad = levelling_deg.to_radians();
             if !(0.0..=0.5).contains(&levelling_rad) {
                 let text = format!("--levelling-deg: {levelling_deg} found, 0 to 28 expected");
                 return Err(UsageError(text).into());
             }
+            let folder = input.begin()?;
+            let poses = poses(&input.files)?;
             let model = six_position::calibrate(&poses, gravity.mps2, levelling_rad)?;
-            report_accelerometer(input, &gravity, &poses, &model)
+            let levelling = six_position::levelling(&poses, gravity.mps2, levelling_rad)?;
+            report_accelerometer(input, folder, &gravity, &poses, &model, levelling)
         }
         Method::MultiPose { input } => {
             let gravity = input.gravity()?;
+            let folder = input.begin()?;
             let poses = poses(&input.files)?;
             let model = multi_pose::calibrate(&poses, gravity.mps2)?;
-            report_accelerometer(input, &gravity, &poses, &model)
+            report_accelerometer(input, folder, &gravity, &poses, &model, None)
         }
         Method::GyroBias { input } => calibrate_gyro(input),
     }
 }
 
 impl Input {
+    /// Removes what an older run left: nothing of it stays if this one is refused.
+    fn begin(&self) -> anyhow::Result<OutputFolder> {
+        OutputFolder::begin(&self.out, OUTPUTS, &self.files)
+    }
+
     /// Writes the calibration, gives all files their places and says how it went.
     fn finish(
         &self,
@@ -286,9 +296,11 @@ fn without_rest(log: &SensorLog) -> String {
 
 fn report_accelerometer(
     input: &Input,
+    folder: OutputFolder,
     gravity: &Gravity,
     poses: &[Pose],
     model: &SensorModel,
+    levelling: Option<Levelling>,
 ) -> anyhow::Result<ExitCode> {
     let Gravity { mps2: gravity_mps2, sd_mps2: gravity_sd_mps2 } = *gravity;
     let model = &model.with_gravity_sd(gravity_mps2, gravity_sd_mps2);
@@ -297,8 +309,7 @@ fn report_accelerometer(
     if !numbers.chain(&model.bias_mps2).chain(&model.bias_sd_mps2).all(|value| value.is_finite()) {
         bail!("the poses do not determine the calibration: a value of it is no number");
     }
-    let told = accelerometer_text(gravity, poses, model, &residuals);
-    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
+    let told = accelerometer_text(gravity, poses, model, &residuals, levelling.as_ref());
     write_residuals(folder.path(), poses, &residuals)?;
     report::accelerometer(folder.path(), poses, model, &residuals)?;
     let table = AccelerometerTable {
@@ -319,6 +330,7 @@ fn accelerometer_text(
     poses: &[Pose],
     model: &SensorModel,
     residuals: &[f64],
+    levelling: Option<&Levelling>,
 ) -> String {
     let Gravity { mps2: gravity_mps2, sd_mps2: gravity_sd_mps2 } = *gravity;
     let mut told = format!(
@@ -338,7 +350,16 @@ fn accelerometer_text(
     let sum: f64 = residuals.iter().map(|residual| residual * residual).sum();
     let rms_mps2 = (sum / residuals.len() as f64).sqrt();
     let _ = writeln!(told, "length residuals {rms_mps2:.5} m/s² rms");
-    if let Some(pose) = worst_misfit(poses, residuals) {
+    if let Some(Levelling { sd_rad, worst, poses }) = levelling {
+        let numbers: Vec<String> = poses.iter().map(usize::to_string).collect();
+        let _ = writeln!(
+            told,
+            "by the data the poses are levelled to {:.2}° (1 sigma), which the sigmas take in; {worst} (poses {}) \
+             agree least with the others: tilted, moved, or an axis saturated?",
+            sd_rad.to_degrees(),
+            numbers.join(", ")
+        );
+    } else if let Some(pose) = worst_misfit(poses, residuals) {
         let _ = writeln!(
             told,
             "the poses do not fit one linear sensor; pose {} fits worst ({:+.3} m/s²): did it move, or is an \
@@ -373,20 +394,21 @@ fn calibrate_gyro(input: &Input) -> anyhow::Result<ExitCode> {
     let [file] = input.files.as_slice() else {
         bail!("gyro-bias takes one file with one long rest");
     };
+    let folder = input.begin()?;
     let log = read(file)?;
     if log.gyro.is_empty() {
         bail!("{}: no gyro columns (gx_radps, gy_radps, gz_radps)", file.display());
     }
     let samples = longest_rest(file, &log)?;
     let bias = checked_bias(file, samples)?;
+    let rest_s = samples.len() as f64 * log.step_s();
     let noise = GyroNoise::of(file, samples, log.step_s())?;
-    let told = gyro_text(&bias, &noise, samples.len() as f64 * log.step_s());
-    let folder = OutputFolder::begin(&input.out, OUTPUTS, &input.files)?;
+    let told = gyro_text(&bias, &noise, rest_s);
     write_allan(folder.path(), &noise.curves)?;
     report::gyro(folder.path(), &noise.curves)?;
     let gyro = GyroTable {
         bias_radps: bias.bias_radps.into(),
-        bias_sd_radps: bias.sd_radps.into(),
+        bias_sd_radps: noise.mean_sd,
         noise_radps_per_sqrt_hz: noise.density,
         bias_instability_radps: noise.instability,
     };
@@ -433,15 +455,23 @@ struct GyroNoise {
     density: [f64; 3],
     /// Bias instability, rad/s.
     instability: [f64; 3],
+    /// Standard deviation of the mean over the rest, rad/s.
+    mean_sd: [f64; 3],
 }
 
 impl GyroNoise {
     fn of(file: &Path, samples: &[Vector3<f64>], step_s: f64) -> anyhow::Result<Self> {
-        let mut noise = Self { curves: Vec::new(), density: [0.0; 3], instability: [0.0; 3] };
+        let mut noise = Self {
+            curves: Vec::new(),
+            density: [0.0; 3],
+            instability: [0.0; 3],
+            mean_sd: [0.0; 3],
+        };
+        let length_s = samples.len() as f64 * step_s;
         for axis in 0..3 {
             let values: Vec<f64> = samples.iter().map(|sample| sample[axis]).collect();
             let curve = allan::deviation(&values, step_s);
-            let Some(summary) = allan::summary(&curve) else {
+            let Some(summary) = allan::summary(&curve, length_s) else {
                 bail!(
                     "{}: the longest rest has {} samples, too few for the Allan deviation of the noise",
                     file.display(),
@@ -450,7 +480,15 @@ impl GyroNoise {
             };
             noise.density[axis] = summary.noise_density;
             noise.instability[axis] = summary.bias_instability;
+            noise.mean_sd[axis] = summary.mean_sd;
             noise.curves.push(curve);
+        }
+        if noise.density == [0.0; 3] {
+            eprintln!(
+                "{}: no axis changes all through the rest: its noise and the uncertainty of the bias are not 0 but \
+                 hidden by a resolution that is too coarse, or the sensor is stuck",
+                file.display()
+            );
         }
         Ok(noise)
     }
@@ -464,7 +502,7 @@ fn gyro_text(bias: &GyroBias, noise: &GyroNoise, rest_s: f64) -> String {
             told,
             "{name}: bias {:+.3} ± {:.3} °/h, noise {:.4} °/√h, bias instability {:.3} °/h",
             bias.bias_radps[axis] * per_hour,
-            bias.sd_radps[axis] * per_hour,
+            noise.mean_sd[axis] * per_hour,
             noise.density[axis].to_degrees() * 60.0,
             noise.instability[axis] * per_hour
         );

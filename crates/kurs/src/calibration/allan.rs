@@ -20,10 +20,17 @@ pub struct AllanSummary {
     pub bias_instability: f64,
     /// Averaging time of the lowest deviation.
     pub bias_tau_s: f64,
+    /// 1 σ of the mean of the record as the bias, by the noise and by what the bias wanders.
+    pub mean_sd: f64,
 }
 
 /// √(2 ln 2 / π): flicker noise to its flat Allan deviation.
 const FLICKER: f64 = 0.664;
+/// White noise is where σ √τ changes by less than this share from one averaging time to the doubled
+/// one, and by less than chance: a filter behind which a tenth of the noise is missing still adds 5 %.
+const LEVEL: f64 = 0.05;
+/// A deviation this many of its standard deviations above that of white noise is not chance.
+const CHANCE_SIGMAS: f64 = 2.0;
 
 /// The overlapping Allan deviation at averaging times of 1, 2, 4, … samples, up to a ninth of the
 /// record.
@@ -55,21 +62,44 @@ pub fn deviation(samples: &[f64], step_s: f64) -> Vec<AllanPoint> {
     points
 }
 
-/// Noise density from the first points (slope −1/2) and bias instability from the lowest one;
-/// `None` for fewer than three points.
+/// Noise density where the slope is −1/2, bias instability from the lowest point, and how well the
+/// mean of a record of `length_s` is the bias; `None` for fewer than three points.
 #[must_use]
-pub fn summary(points: &[AllanPoint]) -> Option<AllanSummary> {
+pub fn summary(points: &[AllanPoint], length_s: f64) -> Option<AllanSummary> {
     if points.len() < 3 {
         return None;
     }
-    let densities = points[..3].iter().map(|point| point.deviation * point.tau_s.sqrt());
-    let noise_density = densities.sum::<f64>() / 3.0;
+    let noise_density = noise_density(points);
     let lowest = points.iter().min_by(|a, b| a.deviation.total_cmp(&b.deviation))?;
+    let longest = points.last()?;
+    // White noise alone: N/√T of the mean, N/√τ at the longest averaging time
+    let by_noise = noise_density / length_s.sqrt();
+    let by_chance =
+        noise_density / longest.tau_s.sqrt() * (1.0 + CHANCE_SIGMAS * longest.relative_sd);
+    let wanders = longest.deviation > by_chance;
     Some(AllanSummary {
         noise_density,
         bias_instability: lowest.deviation / FLICKER,
         bias_tau_s: lowest.tau_s,
+        mean_sd: if wanders { by_noise.hypot(longest.deviation) } else { by_noise },
     })
+}
+
+/// σ √τ where the slope has become −1/2: the points before lack the noise that a low-pass filter takes,
+/// or have that of coarse steps; without any, the point nearest to one second.
+fn noise_density(points: &[AllanPoint]) -> f64 {
+    let density = |point: &AllanPoint| point.deviation * point.tau_s.sqrt();
+    let is_level = |pair: &[AllanPoint]| {
+        let allowed = LEVEL + CHANCE_SIGMAS * pair[1].relative_sd;
+        (density(&pair[1]) / density(&pair[0])).ln().abs() <= allowed
+    };
+    let level = points.windows(3).find(|three| is_level(&three[..2]) && is_level(&three[1..]));
+    if let Some(three) = level {
+        return (density(&three[1]) + density(&three[2])) / 2.0;
+    }
+    let from_second = |point: &AllanPoint| point.tau_s.ln().abs();
+    let nearest = points.iter().min_by(|a, b| from_second(a).total_cmp(&from_second(b)));
+    nearest.map_or(0.0, density)
 }
 
 #[cfg(test)]
@@ -96,8 +126,33 @@ mod tests {
             let ratio = point.deviation / expected;
             assert!((ratio - 1.0).abs() < 4.0 * point.relative_sd, "{point:?} {ratio}");
         }
-        let summary = summary(&points).unwrap();
-        assert!((summary.noise_density / (sd * step_s.sqrt()) - 1.0).abs() < 0.02);
+        let summary = summary(&points, 1000.0).unwrap();
+        let density = sd * step_s.sqrt();
+        assert!((summary.noise_density / density - 1.0).abs() < 0.02);
+        assert!((summary.mean_sd / (density / 1000f64.sqrt()) - 1.0).abs() < 0.02);
+
+        // The same behind a low-pass filter of 0.1 s has lost its fast part, and no density.
+        let mut low = 5.0;
+        let filtered = samples.iter().map(|sample| {
+            low += (sample - low) * 0.1;
+            low
+        });
+        let points = deviation(&filtered.collect::<Vec<_>>(), step_s);
+        let filtered = super::summary(&points, 1000.0).unwrap();
+        let ratio = filtered.noise_density / density;
+        assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+
+        // A bias that wanders is no better known than it wanders.
+        let (mut bias, mut walk) = (0.0, Vec::new());
+        for sample in &samples {
+            let unit: f64 = StandardNormal.sample(&mut generator);
+            bias += 1e-3 * unit;
+            walk.push(sample + bias);
+        }
+        let points = deviation(&walk, step_s);
+        let longest = points.last().unwrap().deviation;
+        let wandering = super::summary(&points, 1000.0).unwrap();
+        assert!(wandering.mean_sd >= longest && longest > 3.0 * summary.mean_sd);
     }
 
     /// A drift of slope r has r τ / √2.
@@ -112,6 +167,6 @@ mod tests {
     #[test]
     fn too_short_a_record_says_nothing() {
         assert!(deviation(&[], 1.0).is_empty());
-        assert_eq!(summary(&deviation(&[1.0; 10], 1.0)), None);
+        assert_eq!(summary(&deviation(&[1.0; 10], 1.0), 10.0), None);
     }
 }

@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+/// A box set on one of its sides by eye, with a bias of 0.2 g.
+pub(super) const MOST_OFF_AXIS_DEG: f64 = 20.0;
+
 /// Scale, misalignment and bias of a triad, with 1 σ of each.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorModel {
@@ -102,6 +105,16 @@ pub enum CalibrationProblem {
         /// Noise of one sample.
         sample_sd_mps2: f64,
     },
+    /// A pose between the six directions.
+    #[error(
+        "pose {pose} is {off_deg:.0}° off the nearest axis of the sensor, at most {MOST_OFF_AXIS_DEG}° are expected of a box on one of its sides: leave that rest out, or calibrate by many poses (multi-pose)"
+    )]
+    OffAxis {
+        /// Number of the pose, from 1.
+        pose: usize,
+        /// Angle between the reading and the nearest axis.
+        off_deg: f64,
+    },
     /// How well the box stood cannot be this.
     #[error("levelled to {levelling_deg}°, 0 to 28 expected")]
     Levelling {
@@ -163,7 +176,15 @@ pub fn check_poses(poses: &[Pose], gravity_mps2: f64) -> Result<(), CalibrationP
     if poses.is_empty() || (0.8..1.25).contains(&(norm / gravity_mps2)) {
         return check_motion(poses);
     }
-    let units = [(1.0, "g"), (1000.0, "mg"), (100.0 * gravity_mps2, "cm/s²")];
+    // A header of g over numbers in m/s² multiplies by g once too often.
+    let squared = gravity_mps2 * gravity_mps2;
+    let units = [
+        (1.0, "g"),
+        (1000.0, "mg"),
+        (100.0 * gravity_mps2, "cm/s²"),
+        (squared, "m/s², though the header says g"),
+        (1e-3 * squared, "m/s², though the header says mg"),
+    ];
     let off = |one_g: f64| (norm / one_g - 1.0).abs();
     let nearest = units.iter().min_by(|a, b| off(a.0).total_cmp(&off(b.0)));
     let likely = nearest.filter(|(one_g, _)| off(*one_g) < 0.2);
@@ -205,6 +226,7 @@ mod tests {
         assert_eq!(unit(&[pose(1.0, 0.1)]), "g");
         assert_eq!(unit(&[pose(-1003.0, 0.1)]), "mg");
         assert_eq!(unit(&[pose(982.0, 0.1)]), "cm/s²");
+        assert_eq!(unit(&[pose(96.8, 0.1)]), "m/s², though the header says g");
         assert_eq!(unit(&[pose(16384.0, 0.1)]), "raw counts");
         let moved = [pose(9.8, 0.02), pose(-9.8, 0.02), pose(9.8, 0.5), pose(9.8, 0.02)];
         assert!(matches!(

@@ -2,16 +2,30 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::sensor_model::{CalibrationProblem, Pose, SensorModel, check_poses};
+use super::sensor_model::{CalibrationProblem, MOST_OFF_AXIS_DEG, Pose, SensorModel, check_poses};
+use crate::chi_square::chi_square_tail;
 
 /// Above it a box stands on no side.
 const MOST_LEVELLING_RAD: f64 = 0.5;
+/// Disagreement of the poses that has less than this probability is not taken for chance.
+const UNLIKELY: f64 = 1e-3;
+
+/// How well the box stood, where the data show that it was worse than stated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Levelling {
+    /// 1 σ about each horizontal axis, rad.
+    pub sd_rad: f64,
+    /// The pair of directions that agrees least with the others: an axis up and down.
+    pub worst: &'static str,
+    /// Numbers of its poses, from 1.
+    pub poses: Vec<usize>,
+}
 
 /// Bias, scale and misalignment from poses in which one axis of the box is vertical; several poses
 /// of the same direction are averaged.
 ///
 /// `levelling_sd_rad` is how well the box stood, 1 σ about each horizontal axis; it dominates the
-/// uncertainty of misalignment and bias and cannot be seen in the data.
+/// uncertainty of misalignment and bias. Where [`levelling`] finds it worse, that is taken.
 ///
 /// y = M a + b with a = ±g eᵢ: column i of M is (yᵢ⁺ − yᵢ⁻) / 2g, b the mean of all six; the least
 /// squares solution.
@@ -30,6 +44,9 @@ pub fn calibrate(
         return Err(CalibrationProblem::Levelling { levelling_deg });
     }
     let six = sort_into_six(poses)?;
+    let found = six_levelling(&six, gravity_mps2, levelling_sd_rad);
+    let levelling_sd_rad = found.map_or(levelling_sd_rad, |(found_rad, _)| found_rad);
+    let six = six.map(|(pose, _)| pose);
     let mut matrix = Matrix3::zeros();
     let mut matrix_sd = Matrix3::zeros();
     let mut bias_mps2 = Vector3::zeros();
@@ -57,20 +74,76 @@ pub fn calibrate(
     Ok(SensorModel { matrix, bias_mps2, matrix_sd, bias_sd_mps2 })
 }
 
-/// Means of the poses by direction: x up, x down, y up, y down, z up, z down ("up" reads +g).
-fn sort_into_six(poses: &[Pose]) -> Result<[Pose; 6], CalibrationProblem> {
+/// How well the box stood by the data, if that is worse than stated: three pairs of poses give the
+/// bias three times, and a tilt moves what a pair gives for the two axes that it does not lie on.
+///
+/// # Errors
+///
+/// [`CalibrationProblem`] as [`calibrate`].
+pub fn levelling(
+    poses: &[Pose],
+    gravity_mps2: f64,
+    levelling_sd_rad: f64,
+) -> Result<Option<Levelling>, CalibrationProblem> {
+    const PAIRS: [&str; 3] = ["x up and x down", "y up and y down", "z up and z down"];
+    check_poses(poses, gravity_mps2)?;
+    let six = sort_into_six(poses)?;
+    let found = six_levelling(&six, gravity_mps2, levelling_sd_rad);
+    Ok(found.map(|(sd_rad, axis)| {
+        let mut poses = [&six[2 * axis].1[..], &six[2 * axis + 1].1].concat();
+        poses.sort_unstable();
+        Levelling { sd_rad, worst: PAIRS[axis], poses }
+    }))
+}
+
+/// Standard deviation of the tilts, and the axis whose pair agrees least; `None` if they agree as well
+/// as the stated one lets expect.
+fn six_levelling(
+    six: &[(Pose, Vec<usize>); 6],
+    gravity_mps2: f64,
+    stated_rad: f64,
+) -> Option<(f64, usize)> {
+    let pair = |axis: usize| [&six[2 * axis].0, &six[2 * axis + 1].0];
+    // sᵢ = (yᵢ⁺ + yᵢ⁻) / 2 = b + g (δ⁺ + δ⁻) / 2 across the axis; r = sᵢ − mean has six degrees of freedom
+    let sums = [0, 1, 2].map(|axis| (pair(axis)[0].mean_mps2 + pair(axis)[1].mean_mps2) / 2.0);
+    let mean = (sums[0] + sums[1] + sums[2]) / 3.0;
+    let apart = sums.map(|sum| sum - mean);
+    let squares: f64 = apart.iter().map(Vector3::norm_squared).sum();
+    let noise_variance = six.iter().map(|(p, _)| p.mean_sd_mps2().powi(2)).sum::<f64>() / 12.0;
+    // Σ r² = 6 σ² + 4 τ²,  τ² = g² δ² / 2: two of three sums are tilted along each axis
+    let tilt_variance = |sd_rad: f64| (gravity_mps2 * sd_rad).powi(2) / 2.0;
+    let expected = noise_variance + 2.0 / 3.0 * tilt_variance(stated_rad);
+    if squares == 0.0 || chi_square_tail(squares / expected, 6) >= UNLIKELY {
+        return None;
+    }
+    let found_rad = ((squares - 6.0 * noise_variance) / 2.0).max(0.0).sqrt() / gravity_mps2;
+    let worst =
+        [0, 1, 2].into_iter().max_by(|a, b| apart[*a].amax().total_cmp(&apart[*b].amax()))?;
+    (found_rad > stated_rad).then_some((found_rad, worst))
+}
+
+/// Means of the poses by direction, with the numbers of the poses: x up, x down, y up, y down, z up, z
+/// down ("up" reads +g).
+fn sort_into_six(poses: &[Pose]) -> Result<[(Pose, Vec<usize>); 6], CalibrationProblem> {
     const NAMES: [&str; 6] = ["x up", "x down", "y up", "y down", "z up", "z down"];
-    let mut groups: [Vec<&Pose>; 6] = Default::default();
-    for pose in poses {
-        let axis = pose.mean_mps2.iamax();
-        groups[2 * axis + usize::from(pose.mean_mps2[axis] < 0.0)].push(pose);
+    let mut groups: [Vec<usize>; 6] = Default::default();
+    for (index, Pose { mean_mps2, .. }) in poses.iter().enumerate() {
+        let axis = mean_mps2.iamax();
+        let off_deg = (mean_mps2[axis].abs() / mean_mps2.norm()).min(1.0).acos().to_degrees();
+        if off_deg > MOST_OFF_AXIS_DEG {
+            return Err(CalibrationProblem::OffAxis { pose: index + 1, off_deg });
+        }
+        groups[2 * axis + usize::from(mean_mps2[axis] < 0.0)].push(index + 1);
     }
     let missing: Vec<&str> =
         NAMES.iter().zip(&groups).filter(|(_, group)| group.is_empty()).map(|(n, _)| *n).collect();
     if !missing.is_empty() {
         return Err(CalibrationProblem::MissingPoses { missing: missing.join(", ") });
     }
-    Ok(groups.map(|group| average(&group)))
+    Ok(groups.map(|numbers| {
+        let group: Vec<&Pose> = numbers.iter().map(|number| &poses[number - 1]).collect();
+        (average(&group), numbers)
+    }))
 }
 
 fn average(group: &[&Pose]) -> Pose {
@@ -174,6 +247,52 @@ mod tests {
         let found = calibrate(&poses(1, levelling_sd_rad), G, levelling_sd_rad).unwrap();
         assert!((found.matrix_sd[(0, 1)] - 1.23e-3).abs() < 0.02e-3);
         assert!((found.bias_sd_mps2.x - 5.7e-3).abs() < 0.1e-3);
+    }
+
+    /// The sums of the pairs show tilts that are not stated; the sigmas hold for them.
+    #[test]
+    fn tilts_that_are_not_stated_are_seen_in_the_data() {
+        let levelling_sd_rad = 0.3f64.to_radians();
+        let (_, b) = truth();
+        let (mut variance, mut normalised) = (0.0, 0.0);
+        for seed in 0..100 {
+            let tilted = poses(seed, levelling_sd_rad);
+            let found = levelling(&tilted, G, 0.0).unwrap().unwrap();
+            variance += found.sd_rad.powi(2) / 100.0;
+            let model = calibrate(&tilted, G, 0.0).unwrap();
+            let error = (model.bias_mps2 - b).component_div(&model.bias_sd_mps2);
+            normalised += error.norm_squared() / 300.0;
+            assert_eq!(levelling(&tilted, G, 2.0 * levelling_sd_rad), Ok(None));
+        }
+        let sd_deg = variance.sqrt().to_degrees();
+        println!(
+            "0.3° of levelling, none stated: {sd_deg:.2}° found, bias (error/σ)² {normalised:.2}"
+        );
+        assert!((sd_deg / 0.3 - 1.0).abs() < 0.1, "{sd_deg}");
+        assert!(normalised < 3.0, "{normalised}");
+    }
+
+    #[test]
+    fn the_tilted_pair_is_named_and_a_pose_between_the_axes_refused() {
+        let mut tilted = poses(1, 0.0);
+        let (m, b) = truth();
+        let turned = |deg: f64| {
+            let (sin, cos) = deg.to_radians().sin_cos();
+            m * Vector3::new(cos, sin, 0.0) * G + b
+        };
+        tilted[0].mean_mps2 = turned(2.0);
+        let found = levelling(&tilted, G, 0.0).unwrap().unwrap();
+        assert_eq!((found.worst, found.poses), ("x up and x down", vec![1, 2]));
+        let mut more = poses(1, 0.0);
+        more.push(Pose { mean_mps2: turned(44.0), ..more[0] });
+        for problem in
+            [calibrate(&more, G, 0.0).unwrap_err(), levelling(&more, G, 0.0).unwrap_err()]
+        {
+            assert!(
+                problem.to_string().contains("pose 7 is 44° off the nearest axis"),
+                "{problem}"
+            );
+        }
     }
 
     #[test]

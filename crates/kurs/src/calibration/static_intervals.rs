@@ -27,6 +27,9 @@ impl RestSettings {
     }
 }
 
+/// Steps in a window.
+const HOPS: usize = 5;
+
 /// The rests, as ranges of samples, in time order.
 ///
 /// A window is quiet if the scatter of each axis is at most `factor` times the lowest tenth of all
@@ -34,25 +37,29 @@ impl RestSettings {
 #[must_use]
 pub fn find(samples: &[Vector3<f64>], settings: &RestSettings) -> Vec<Range<usize>> {
     let window = settings.window.max(2);
-    let windows: Vec<Pose> = samples.chunks_exact(window).map(pose).collect();
+    // Overlapping, so that a rest is found as long as it is, not in whole windows.
+    let hop = (window / HOPS).max(1);
+    let windows: Vec<Pose> = samples.windows(window).step_by(hop).map(pose).collect();
     let mut scatters: Vec<f64> = windows.iter().map(|pose| pose.sample_sd_mps2).collect();
     scatters.sort_by(f64::total_cmp);
     let Some(quietest) = scatters.get(scatters.len() / 10) else { return Vec::new() };
     let limit = (settings.factor * quietest).max(f64::MIN_POSITIVE);
     let mut rests: Vec<Range<usize>> = Vec::new();
     for (k, one) in windows.iter().enumerate() {
-        let range = k * window..(k + 1) * window;
+        let range = k * hop..k * hop + window;
         // A scatter that is not a number is no rest.
         if one.sample_sd_mps2.is_nan() || one.sample_sd_mps2 > limit {
             continue;
         }
+        // The quiet window a whole window before, or the first of the rest: those between share samples.
         let continues = rests.last().is_some_and(|rest| {
-            let start = rest.end - window;
-            let before = pose(&samples[start..rest.end]);
-            rest.end == range.start && (before.mean_mps2 - one.mean_mps2).norm() < limit
+            let before = &windows[k.saturating_sub(window.div_ceil(hop)).max(rest.start / hop)];
+            rest.end >= range.start && (before.mean_mps2 - one.mean_mps2).norm() < limit
         });
         match rests.last_mut() {
             Some(rest) if continues => rest.end = range.end,
+            // Windows that reach over a change have samples of the rest before it.
+            Some(rest) if rest.end > range.start => {}
             _ => rests.push(range),
         }
     }
@@ -108,6 +115,28 @@ mod tests {
         for (k, rest) in rests.iter().enumerate() {
             assert!(rest.start >= k * 1000 && rest.end <= k * 1000 + 700, "{rests:?}");
             assert!(rest.len() >= 600);
+        }
+    }
+
+    /// Rests of 2.2 s that begin anywhere on the grid of the windows.
+    #[test]
+    fn short_rests_are_found_wherever_they_begin() {
+        let mut generator = Xoshiro256PlusPlus::seed_from_u64(3);
+        let mut samples = Vec::new();
+        for k in 0..6000 {
+            let (turn, part) = (k / 320, k % 320);
+            let sd = if part < 220 { 0.02 } else { 2.0 };
+            let level = if turn % 2 == 0 { 9.81 } else { -9.81 };
+            let noise = Vector3::from_fn(|_, _| {
+                let unit: f64 = StandardNormal.sample(&mut generator);
+                unit * sd
+            });
+            samples.push(Vector3::new(0.0, 0.0, level) + noise);
+        }
+        let rests = find(&samples, &RestSettings::for_step(0.01));
+        assert_eq!(rests.len(), 19, "{rests:?}");
+        for (k, rest) in rests.iter().enumerate() {
+            assert!(rest.start >= 320 * k && rest.end <= 320 * k + 222, "{rests:?}");
         }
     }
 
