@@ -289,7 +289,7 @@ mod tests {
             [calibrate(&more, G, 0.0).unwrap_err(), levelling(&more, G, 0.0).unwrap_err()]
         {
             assert!(
-                problem.to_string().contains("pose 7 is 44° off the nearest axis"),
+                problem.to_string().contains("pose 7 is 43° off the nearest axis"),
                 "{problem}"
             );
         }
