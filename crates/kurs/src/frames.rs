@@ -390,6 +390,17 @@ impl Attitude {
     }
 }
 
+/// An angle turned into `(−π, π]`.
+#[must_use]
+pub fn wrap_angle(angle_rad: f64) -> f64 {
+    use core::f64::consts::{PI, TAU};
+    if -PI < angle_rad && angle_rad <= PI {
+        return angle_rad;
+    }
+    let turned = angle_rad.rem_euclid(TAU);
+    if turned > PI { turned - TAU } else { turned }
+}
+
 /// An angle turned into `[0, 2π)`.
 #[must_use]
 pub fn wrap_heading(angle_rad: f64) -> f64 {

@@ -50,11 +50,18 @@ impl Default for TiltConfig {
     }
 }
 
+/// A step of more than this many usual ones is a pause: nobody knows how the body turned in it.
+const PAUSE_STEPS: f64 = 5.0;
+/// Share of a step in the usual one.
+const STEP_SHARE: f64 = 0.01;
+
 /// Pitch and roll, each with the same two filters.
 struct Tilt {
     complementary: [ComplementaryFilter; 2],
     smoothing: [ExponentialSmoothing; 2],
     last_s: f64,
+    usual_step_s: Option<f64>,
+    pauses: u64,
 }
 
 /// Runs the command.
@@ -81,17 +88,22 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let inputs = [args.config.clone(), folder.join(&config.imu.file)];
     let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
-    let Rows { written: rows, left_out } = write_rows(&mut sensor, &config.tilt, smoothing, table)?;
+    let Rows { written: rows, left_out, pauses } =
+        write_rows(&mut sensor, &config.tilt, smoothing, table)?;
     sensor.damage().iter().for_each(|damage| eprintln!("{damage}"));
     if left_out > 0 {
         eprintln!("{left_out} samples left out: their time goes back");
+    }
+    if pauses > 0 {
+        eprintln!("{pauses} pauses of the log: behind each the accelerometers begin the tilt anew");
     }
     if rows == 0 {
         bail!("{}: no two samples that can be used", config.imu.file.display());
     }
     outputs.publish()?;
     if args.json {
-        output::print_json(&serde_json::json!({ "rows": rows, "left_out": left_out }))?;
+        let counts = serde_json::json!({ "rows": rows, "left_out": left_out, "pauses": pauses });
+        output::print_json(&counts)?;
     } else if !args.quiet {
         output::print(format_args!("{rows} rows written to {}\n", args.out.display()))?;
     }
@@ -104,6 +116,8 @@ struct Rows {
     written: u64,
     /// Not later than the one before.
     left_out: u64,
+    /// Times without samples.
+    pauses: u64,
 }
 
 /// Filters the samples of a log and writes a row for each; the first one starts the filters.
@@ -136,6 +150,7 @@ fn write_rows(
         rows.written += 1;
     }
     table.finish()?;
+    rows.pauses = tilt.map_or(0, |tilt| tilt.pauses);
     Ok(rows)
 }
 
@@ -167,7 +182,13 @@ impl Tilt {
             integral_gain: config.integral_gain,
             ..ComplementaryFilter::new(config.gyro_share, angle_rad)
         };
-        Self { complementary: angles_rad.map(filter), smoothing: [smoothing; 2], last_s: time_s }
+        Self {
+            complementary: angles_rad.map(filter),
+            smoothing: [smoothing; 2],
+            last_s: time_s,
+            usual_step_s: None,
+            pauses: 0,
+        }
     }
 
     /// Filtered and smoothed pitch and roll; what is not known of a sample is left out.
@@ -179,6 +200,10 @@ impl Tilt {
     ) -> [[f64; 2]; 2] {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
+        if self.is_pause(step_s) {
+            self.pauses += 1;
+            return self.begin_anew(shown_rad);
+        }
         let [pitch, roll] = [0, 1].map(|k| self.complementary[k].angle_rad);
         let ((sin_roll, cos_roll), tan_pitch) = (roll.sin_cos(), pitch.tan());
         // ṗ = ω_y cos r − ω_z sin r,  ṙ = ω_x + tan p (ω_y sin r + ω_z cos r)
@@ -188,8 +213,27 @@ impl Tilt {
         });
         let shown = shown_rad.unwrap_or([f64::NAN; 2]);
         let filtered = [0, 1].map(|k| self.complementary[k].update(rates[k], shown[k], step_s));
-        let smoothed = [0, 1].map(|k| self.smoothing[k].update(shown[k]).unwrap_or(f64::NAN));
+        let smoothed = [0, 1].map(|k| self.smoothing[k].update_angle(shown[k]).unwrap_or(f64::NAN));
         [filtered, smoothed]
+    }
+
+    /// Whether a step is longer than samples are usually apart, which it teaches.
+    fn is_pause(&mut self, step_s: f64) -> bool {
+        let usual_s = self.usual_step_s.unwrap_or(step_s);
+        let longest_s = PAUSE_STEPS * usual_s;
+        self.usual_step_s = Some(usual_s + STEP_SHARE * (step_s.min(longest_s) - usual_s));
+        step_s > longest_s
+    }
+
+    /// From what the accelerometers show now.
+    fn begin_anew(&mut self, shown_rad: Option<[f64; 2]>) -> [[f64; 2]; 2] {
+        for (k, angle_rad) in shown_rad.iter().flatten().enumerate() {
+            self.complementary[k].angle_rad = *angle_rad;
+            self.smoothing[k].restart();
+        }
+        let shown = shown_rad.unwrap_or([f64::NAN; 2]);
+        let smoothed = [0, 1].map(|k| self.smoothing[k].update_angle(shown[k]).unwrap_or(f64::NAN));
+        [[0, 1].map(|k| self.complementary[k].angle_rad), smoothed]
     }
 }
 

@@ -1,16 +1,18 @@
 //! Complementary filter of one tilt angle: the gyro for what is fast, the accelerometers for what
 //! is slow.
 
-/// θ ← a (θ + (ω − b) Δt) + (1 − a) θ_acc, with a bias that may follow the remaining error.
+use crate::frames::wrap_angle;
+
+/// θ ← θ + (ω − b) Δt + (1 − a) e, e = θ_acc − θ the short way round, with a bias that may follow the remaining error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ComplementaryFilter {
     /// a, 0 to 1: the share of the gyro.
     pub gyro_share: f64,
-    /// k_i: b ← b − k_i e Δt with e = θ_acc − θ, in 1/s²; 0 leaves the bias as it is.
+    /// k_i: b ← b − k_i e Δt, in 1/s²; 0 leaves the bias as it is.
     pub integral_gain: f64,
     /// b.
     pub bias_radps: f64,
-    /// θ.
+    /// θ, −π to π.
     pub angle_rad: f64,
 }
 
@@ -26,12 +28,10 @@ impl ComplementaryFilter {
     pub fn update(&mut self, rate_radps: f64, accelerometer_rad: f64, step_s: f64) -> f64 {
         let turn = (rate_radps - self.bias_radps) * step_s;
         let predicted = if turn.is_finite() { self.angle_rad + turn } else { self.angle_rad };
-        if !accelerometer_rad.is_finite() {
-            self.angle_rad = predicted;
-            return predicted;
-        }
-        self.bias_radps -= self.integral_gain * (accelerometer_rad - predicted) * step_s;
-        self.angle_rad = self.gyro_share * predicted + (1.0 - self.gyro_share) * accelerometer_rad;
+        let error = wrap_angle(accelerometer_rad - predicted);
+        let error = if error.is_finite() { error } else { 0.0 };
+        self.bias_radps -= self.integral_gain * error * step_s;
+        self.angle_rad = wrap_angle(predicted + (1.0 - self.gyro_share) * error);
         self.angle_rad
     }
 
@@ -118,6 +118,17 @@ mod tests {
         }
         assert!((filter.angle_rad - filter.bias_error_rad(bias, STEP_S)).abs() < 1e-12);
         assert!((filter.time_constant_s(STEP_S) - 0.49).abs() < 1e-12);
+    }
+
+    /// A body that hangs upside down: its roll is 180° one way or the other.
+    #[test]
+    fn half_a_turn_is_no_jump() {
+        let mut filter = ComplementaryFilter::new(0.98, 179f64.to_radians());
+        for step in 0..100 {
+            let shown: f64 = if step % 2 == 0 { -179.0 } else { 179.0 };
+            let found = filter.update(0.0, shown.to_radians(), STEP_S);
+            assert!(found.to_degrees().abs() > 178.9, "{found}");
+        }
     }
 
     #[test]

@@ -119,6 +119,7 @@ fn step(
 /// The block behind the largest step, by the sums of what the blocks are off their mean.
 fn largest_step(blocks_m: &[f64]) -> usize {
     let (n, centre) = (blocks_m.len() as f64, mean(blocks_m));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a part of the blocks
     let margin = NEAR.max((MIN_PART * n) as usize);
     let (mut sum, mut best) = (0.0, (margin, 0.0));
     for (place, block) in blocks_m[..blocks_m.len() - margin].iter().enumerate() {

@@ -1,11 +1,9 @@
 //! One measured number, what it should be at a given position, and its gradient there.
 
-use core::f64::consts::{PI, TAU};
-
 use nalgebra::Vector3;
 
 use super::station::Station;
-use crate::frames::{Ecef, Vector};
+use crate::frames::{Ecef, Vector, wrap_angle};
 
 /// What is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -123,7 +121,7 @@ impl Quantity {
     #[must_use]
     pub fn residual(self, measured: f64, predicted: f64) -> f64 {
         let difference = measured - predicted;
-        if self == Self::Azimuth { wrap(difference) } else { difference }
+        if self == Self::Azimuth { wrap_angle(difference) } else { difference }
     }
 }
 
@@ -135,20 +133,11 @@ fn cosine(sight: &Vector3<f64>, axis: Vector3<f64>) -> (f64, Vector3<f64>) {
     (cosine, (axis - unit * cosine) / range)
 }
 
-/// An angle turned into (−π, π].
-#[must_use]
-pub fn wrap(angle_rad: f64) -> f64 {
-    if -PI < angle_rad && angle_rad <= PI {
-        return angle_rad;
-    }
-    let turned = angle_rad.rem_euclid(TAU);
-    if turned > PI { turned - TAU } else { turned }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::frames::Geodetic;
+    use core::f64::consts::{PI, TAU};
 
     const QUANTITIES: [Quantity; 6] = [
         Quantity::Azimuth,
@@ -201,7 +190,7 @@ mod tests {
     fn azimuth_residual_goes_the_short_way() {
         let residual = Quantity::Azimuth.residual(3.1, -3.1);
         assert!((residual - (6.2 - TAU)).abs() < 1e-15);
-        assert_eq!(wrap(-PI), PI);
+        assert_eq!(wrap_angle(-PI), PI);
         assert_eq!(Quantity::Range.residual(10.0, 2.0), 8.0);
     }
 }

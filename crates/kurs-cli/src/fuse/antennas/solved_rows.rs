@@ -133,7 +133,12 @@ impl Fields<'_> {
             [angle("heading_deg")?, angle("pitch_deg")?, angle("roll_deg")?];
         let mut covariance_deg2 = Matrix3::zeros();
         for (k, name) in ["heading_sd_deg", "pitch_sd_deg", "roll_sd_deg"].iter().enumerate() {
-            covariance_deg2[(k, k)] = self.number(name)?.unwrap_or(0.0).powi(2);
+            let sd_deg = self.number(name)?.filter(|sd| *sd > 0.0);
+            if sd_deg.is_none() && [heading_rad, pitch_rad, roll_rad][k].is_some() {
+                let found = self.text(name);
+                return Err(format!("{name}: `{found}` found beside an angle, expected above 0"));
+            }
+            covariance_deg2[(k, k)] = sd_deg.unwrap_or(0.0).powi(2);
         }
         for (i, j, name) in [(0, 1, "cov_hp_deg2"), (0, 2, "cov_hr_deg2"), (1, 2, "cov_pr_deg2")] {
             let value = self.number(name)?.unwrap_or(0.0);
@@ -171,6 +176,9 @@ impl Fields<'_> {
         else {
             return Ok(None);
         };
+        if latitude_deg.abs() > 90.0 || longitude_deg.abs() > 360.0 {
+            return Err(format!("no place: latitude {latitude_deg}, longitude {longitude_deg}"));
+        }
         let geodetic = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m);
         let mut covariance_m2 = Matrix3::zeros();
         for (k, name) in ["sd_north_m", "sd_east_m", "sd_down_m"].iter().enumerate() {

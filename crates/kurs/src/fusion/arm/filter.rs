@@ -16,7 +16,7 @@ use super::nhe::Angles;
 use super::phase_slots::PhaseSlots;
 use super::process_noise::{ProcessNoise, Tuning};
 use super::ranging::{Measured, Ranging};
-use crate::frames::EARTH_RATE_RADPS;
+use crate::frames::{EARTH_RATE_RADPS, wrap_angle};
 use crate::fusion::earth::local_level::LocalLevel;
 use crate::fusion::health::{FilterError, LONGEST_GAP_S, Tally};
 use crate::fusion::kalman::{Batch, Estimate, Gate};
@@ -405,7 +405,7 @@ impl ArmFilter {
         }
         if let (Some(measured), false) = (usable(&epoch.arm_angle_rad), layout.arm_angle.is_empty())
         {
-            let innovation = wrapped(measured.value - arm_angle);
+            let innovation = wrap_angle(measured.value - arm_angle);
             batch.push(innovation, measured.variance())[layout.arm_angle.start] = 1.0;
         }
         if let Some(force) = force {
@@ -513,10 +513,4 @@ fn initial_deviations(settings: &ArmFilterSettings, layout: &Layout, start: &Sta
     sd[layout.arm_angle.clone()].fill(settings.arm_angle.map_or(0.0, |drift| drift.initial_sd));
     sd[layout.ambiguities.clone()].fill(UNKNOWN_AMBIGUITY_SD_M);
     sd
-}
-
-/// An angle difference in (−π, π].
-fn wrapped(angle_rad: f64) -> f64 {
-    let turn = core::f64::consts::TAU;
-    angle_rad - turn * (angle_rad / turn).round()
 }

@@ -329,10 +329,13 @@ impl AttitudeSession {
         if time_s <= held_until_s { sample } else { NOTHING }
     }
 
-    /// The usual step follows the steps; a pause counts as the longest one.
+    /// The usual step follows the steps; a pause counts as the longest one, a repeated time tag is none.
     fn follow_step(&mut self, last_s: Option<f64>, time_s: f64) {
         let Some(last_s) = last_s else { return };
         let step_s = time_s - last_s;
+        if step_s <= 0.0 {
+            return;
+        }
         let usual_s = self.usual_step_s.unwrap_or(step_s);
         let followed_s = step_s.min(LOST_SAMPLES * usual_s);
         self.usual_step_s = Some(usual_s + STEP_SHARE * (followed_s - usual_s));
