@@ -92,6 +92,12 @@ def test_array_constrained_keeps_the_array():
     found = ambiguity.array_constrained(x[:n], Q[:n, :n], x[n:], Q[n:, n:], Q[:n, n:], body, [4, 4], count=1)
     baselines = found.baselines_m[0]
     assert np.allclose(baselines @ baselines.T, body @ body.T, atol=1e-8)
+    # A body for each problem.
+    two = ambiguity.array_constrained(
+        np.stack([x[:n]] * 2), Q[:n, :n], x[n:], Q[n:, n:], Q[:n, n:], np.stack([body, 1.1 * body]), [4, 4], count=1
+    )
+    larger = ambiguity.array_constrained(x[:n], Q[:n, :n], x[n:], Q[n:, n:], Q[:n, n:], 1.1 * body, [4, 4], count=1)
+    assert two.costs[0] == found.costs and two.costs[1] == larger.costs
 
 
 def test_errors():
@@ -120,11 +126,18 @@ def test_numbers_that_cannot_be_are_refused():
             ambiguity.success_rate(wrong)
     assert np.isnan(ambiguity.success_rate(np.stack([Q, -Q]))).tolist() == [False, True]
     Q = joint(np.random.default_rng(4))
-    for ambiguities_of, words in (([0, 0, 4], "list .* has dimension 3, expected 1"), ([0], "sum .* has dimension 0, expected 4")):
-        with pytest.raises(kurs.NoSolution, match=f"the {words}"):
+    for ambiguities_of in ([0, 0, 4], [0], [2**63, 2**63 + 4]):
+        with pytest.raises(ValueError, match=r"ambiguities_of is .*, expected 1 numbers with the sum 4"):
             ambiguity.array_constrained(
                 np.zeros(4), Q[:4, :4], [1, 0, 0], Q[4:, 4:], Q[:4, 4:], [[1, 0, 0]], ambiguities_of
             )
+
+
+def test_covariances_are_symmetric():
+    a, Q = problem(np.random.default_rng(7))
+    with pytest.raises(ValueError, match=r"Q is not symmetric: \[1, 0\] is"):
+        ambiguity.lambda_(a, np.triu(Q))
+    assert np.array_equal(ambiguity.lambda_(a, Q.astype(np.float32)).integers, ambiguity.lambda_(a, Q).integers)
 
 
 def test_candidates_in_a_pickle_are_the_same():

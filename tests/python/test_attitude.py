@@ -147,6 +147,8 @@ def test_what_has_no_solution_is_an_exception_alone_and_nan_among_many():
     found = attitude.wahba(np.stack([plane, line]), np.stack([plane, line]))
     assert np.isnan(found.matrix[1]).all() and not np.isnan(found.matrix[0]).any()
     assert list(found.errors) == [1]
+    angles = [found.heading_deg, found.pitch_deg, found.roll_deg]
+    assert np.isnan(np.array(angles)[:, 1]).all() and not np.isnan(np.array(angles)[:, 0]).any()
 
 
 def test_shapes_are_told():

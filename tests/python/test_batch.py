@@ -184,6 +184,10 @@ def test_monte_carlo(tmp_path):
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*tables, strict=True))
     assert not np.array_equal(tables[0][0], tables[0][1], equal_nan=True)
     assert batch.seed_of("x", 1) == batch.seed_of("x", 1) != batch.seed_of("x", 2)
+    before = batch.monte_carlo("roof-static", 1, out=tmp_path / "one", duration_s=10)
+    batch.monte_carlo("roof-static", 1, out=tmp_path / "one", duration_s=5)
+    with pytest.raises(RuntimeError, match="holds the runs of another configuration by now"):
+        before.attitude(0)
     with pytest.raises(ValueError, match="runs is -1, expected 0 or more"):
         batch.monte_carlo("roof-static", -1, out=tmp_path)
 

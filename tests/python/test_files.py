@@ -50,6 +50,11 @@ def test_filters(recordings):
     assert np.array_equal(np.unique(some["time_gpst"]), times[10:20])
     with pytest.raises(kurs.InputError, match="cannot|No such|not"):
         kurs.read_obs("/no/such/file")
+    from_ten = kurs.read_obs(file, time=(times[10], None))
+    assert from_ten["time_gpst"].min() == times[10] and from_ten["time_gpst"].max() == times[-1]
+    for wrong in [(np.datetime64("NaT"), None), ("9999-12-31", None), (times[10],)]:
+        with pytest.raises(ValueError, match="time"):
+            kurs.read_obs(file, time=wrong)
 
 
 def test_one_signal_needs_no_list_and_unknown_ones_are_refused(simulated):

@@ -69,6 +69,10 @@ def test_many_positions_at_once():
     assert np.abs(position - places).max() < 1e-5 and cov.shape == (100, 3, 3) and cost.max() < 1e-6
     with pytest.raises(ValueError, match="expected 4 numbers, one for each"):
         trajectory.locate(stations, kinds, ranges[:, :3], np.ones(4))
+    with pytest.raises(ValueError, match=r"axes has the shape \[3, 3, 3\], expected \[4, 3, 3\]"):
+        trajectory.locate(stations, kinds, ranges, np.ones(4), axes=np.stack([np.eye(3)] * 3))
+    with pytest.raises(ValueError, match="axes of station 0 are no rotation"):
+        trajectory.locate(stations, kinds, ranges, np.ones(4), axes=np.stack([np.diag([1.0, 1, -1])] * 4))
 
 
 def test_calibration_finds_what_was_put_in():

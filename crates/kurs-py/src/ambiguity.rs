@@ -245,7 +245,7 @@ pub(crate) fn lambda(
 ) -> PyResult<Candidates> {
     let a = Stack::new(&a, 1, "a")?;
     let n = a.shape()[0];
-    let covariance = Stack::of_square(&Q, n, "Q")?;
+    let covariance = Stack::of_covariance(&Q, n, "Q")?;
     let problems = arrays::count(&[("a", &a), ("Q", &covariance)])?;
     let shapes = Shapes { problems, count, ambiguities: n, baselines: 0 };
     let memory = || {
@@ -285,8 +285,8 @@ impl<'a> Joint<'a> {
     fn new([a, q_a, b, q_b, q_ab]: [&'a Numbers<'_>; 5]) -> PyResult<Self> {
         let (a, b) = (Stack::new(a, 1, "a")?, Stack::new(b, 1, "b")?);
         let (n, reals) = (a.shape()[0], b.shape()[0]);
-        let a_covariance = Stack::of_square(q_a, n, "Q_a")?;
-        let b_covariance = Stack::of_square(q_b, reals, "Q_b")?;
+        let a_covariance = Stack::of_covariance(q_a, n, "Q_a")?;
+        let b_covariance = Stack::of_covariance(q_b, reals, "Q_b")?;
         let cross = Stack::new(q_ab, 2, "Q_ab")?;
         if cross.shape() != [n, reals] {
             let expected = format!("{n} rows (ambiguities) and {reals} columns (components of b)");
@@ -378,15 +378,30 @@ pub(crate) fn array_constrained(
     count: usize,
     horizon: f64,
 ) -> PyResult<Candidates> {
-    let float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab])?;
-    let body: Vec<Vector3<f64>> = Stack::of_points(&body, "body")?.points(0);
+    let mut float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab])?;
+    let body = Stack::of_points(&body, "body")?;
+    float.problems =
+        arrays::count(&[("a", &float.a), ("b", &float.b), ("body", &body)])?.or(float.problems);
+    let (ambiguities, baselines) = (float.a.shape()[0], float.b.shape()[0] / 3);
+    let sum = ambiguities_of.iter().try_fold(0_usize, |sum, of| sum.checked_add(*of));
+    if ambiguities_of.len() != baselines || sum != Some(ambiguities) {
+        return Err(PyValueError::new_err(format!(
+            "ambiguities_of is {ambiguities_of:?}, expected {baselines} numbers with the sum {ambiguities}"
+        )));
+    }
     let memory = || {
         let mut search = ArrayConstrained::default();
         search.horizon = horizon;
         search
     };
     Candidates::solve(py, float.shapes(count), memory, |search, problem| {
-        let found = search.solve(float.at(problem)?, &ambiguities_of, &body, array_sd_m, count)?;
+        let found = search.solve(
+            float.at(problem)?,
+            &ambiguities_of,
+            &body.points(problem),
+            array_sd_m,
+            count,
+        )?;
         let components = |b: &Vector3<f64>| <[f64; 3]>::from(*b);
         Ok(Found {
             integers: found.iter().flat_map(|c| c.integers.iter().copied()).collect(),
@@ -406,7 +421,7 @@ pub(crate) fn array_constrained(
 #[allow(non_snake_case)]
 pub(crate) fn success_rate<'py>(py: Python<'py>, Q: Numbers<'py>) -> PyResult<Bound<'py, PyAny>> {
     let n = *Q.shape().last().unwrap_or(&0);
-    let covariance = Stack::of_square(&Q, n, "Q")?;
+    let covariance = Stack::of_covariance(&Q, n, "Q")?;
     let count = arrays::count(&[("Q", &covariance)])?;
     let of = |decorrelation: &mut Decorrelation, problem: usize| {
         let matrix: DMatrix<f64> = covariance.matrix(problem);

@@ -15,6 +15,10 @@ use crate::errors;
 /// Problems that one thread solves before another may take some over.
 const MIN_PROBLEMS: usize = 32;
 
+/// What a symmetric matrix may be off, relative to its variances: rounding of 32-bit numbers and of
+/// products in them.
+const ASYMMETRY: f64 = 1e-5;
+
 /// An argument of one problem, or of each of many, in rows.
 #[derive(Debug)]
 pub(crate) struct Stack<'a> {
@@ -70,6 +74,34 @@ impl<'a> Stack<'a> {
         } else {
             Err(errors::of_shape(what, array.shape(), &format!("{rows} rows and columns")))
         }
+    }
+
+    /// As [`Stack::of_square`] of covariances: symmetric, as far as numbers of 32 bits can tell.
+    pub(crate) fn of_covariance(
+        array: &'a PyReadonlyArrayDyn<'_, f64>,
+        rows: usize,
+        what: &str,
+    ) -> PyResult<Self> {
+        let stack = Self::of_square(array, rows, what)?;
+        for (problem, matrix) in stack.numbers.chunks_exact((rows * rows).max(1)).enumerate() {
+            for (i, j) in (0..rows).flat_map(|i| (0..i).map(move |j| (i, j))) {
+                let (below, above) = (matrix[i * rows + j], matrix[j * rows + i]);
+                let scale = (matrix[i * rows + i] * matrix[j * rows + j]).abs().sqrt();
+                if (below - above).abs() > ASYMMETRY * scale.max(below.abs()) {
+                    let of =
+                        stack.count.map_or(String::new(), |_| format!(" of problem {problem}"));
+                    return Err(pyo3::exceptions::PyValueError::new_err(format!(
+                        "{what}{of} is not symmetric: [{i}, {j}] is {below}, [{j}, {i}] is {above}"
+                    )));
+                }
+            }
+        }
+        Ok(stack)
+    }
+
+    /// How many problems there are; `None`: one without a leading dimension.
+    pub(crate) fn problems(&self) -> Option<usize> {
+        self.count
     }
 
     /// Refuses many problems, for what solves one alone.
@@ -139,7 +171,7 @@ pub(crate) fn solve_all<M, T: Send>(
     solve: impl Fn(&mut M, usize) -> T + Sync + Send,
 ) -> Vec<T> {
     match count {
-        None => vec![solve(&mut memory(), 0)],
+        None => vec![py.detach(|| solve(&mut memory(), 0))],
         Some(count) => in_parallel(py, || {
             let problems = (0..count).into_par_iter().with_min_len(MIN_PROBLEMS);
             problems.map_init(&memory, |memory, problem| solve(memory, problem)).collect()

@@ -1,5 +1,6 @@
 //! The commands, called inside the process.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -28,6 +29,9 @@ pub(crate) fn run(py: Python<'_>, arguments: Vec<String>) -> u8 {
 /// Runs a command whose errors are exceptions; gives its exit status, 0 or 3. Ctrl-C ends it at the next epoch.
 #[pyfunction]
 pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
+    /// How often Ctrl-C has ended a command of this process: it ends all that run.
+    static ENDED: AtomicUsize = AtomicUsize::new(0);
+    let before = ENDED.load(Ordering::Relaxed);
     let (sender, receiver) = mpsc::channel();
     let command = std::thread::spawn(move || sender.send(embedded::call(arguments)));
     let receiver = Mutex::new(receiver);
@@ -42,6 +46,7 @@ pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
             Err(RecvTimeoutError::Timeout) => {}
         }
         if let (None, Err(signal)) = (&interrupted, py.check_signals()) {
+            ENDED.fetch_add(1, Ordering::Relaxed);
             embedded::ask_to_end(true);
             interrupted = Some(signal);
         }
@@ -52,6 +57,11 @@ pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
         (Some(signal), _) => {
             embedded::ask_to_end(false);
             Err(signal)
+        }
+        (None, Some(Ok(_))) if ENDED.load(Ordering::Relaxed) != before => {
+            let text =
+                "interrupted: Ctrl-C ended another command of this process, and this one with it";
+            Err(errors::Error::new_err(text))
         }
         (None, Some(result)) => result.map_err(errors::of_command),
         (None, None) => Err(errors::Error::new_err("the command stopped by an error of its own")),

@@ -193,6 +193,9 @@ pub(crate) fn allan_deviation<'py>(
     Ok((column(|p| p.tau_s), column(|p| p.deviation), column(|p| p.relative_sd)))
 }
 
+/// Axes are a rotation if they are orthonormal to this, as 32-bit numbers are.
+const NO_ROTATION: f64 = 1e-5;
+
 /// The columns of measurements as they come.
 type Plain = (usize, String, Option<usize>);
 
@@ -201,7 +204,7 @@ type Plain = (usize, String, Option<usize>);
 /// `kinds` (m): (station, quantity, reference or None); quantity is "azimuth", "elevation" (rad), "range",
 /// "range_difference" (m), "cosine_north", "cosine_east". values (m,) and sigmas (m,); give values (N, m) for N positions
 /// at once: positions (N, 3), covariances (N, 3, 3), costs (N,), NaN where there is none. `axes` (s, 3, 3):
-/// ecef_from_local of each station, by default those of the ellipsoid.
+/// ecef_from_local of each station (columns north, east, down), by default those of the ellipsoid.
 #[pyfunction]
 #[pyo3(signature = (stations_m, kinds, values, sigmas, *, prior_m=None, axes=None))]
 #[allow(clippy::type_complexity, clippy::too_many_arguments)] // three arrays of columns
@@ -216,6 +219,26 @@ pub(crate) fn locate<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let places = Stack::of_points(&stations_m, "stations_m")?.alone("stations_m")?.points(0);
     let axes = axes.as_ref().map(|axes| Stack::of_square(axes, 3, "axes")).transpose()?;
+    if let Some(axes) = &axes {
+        if axes.problems() != Some(places.len()) {
+            let found = axes.problems().map_or(vec![3, 3], |count| vec![count, 3, 3]);
+            return Err(crate::errors::of_shape(
+                "axes",
+                &found,
+                &format!("[{}, 3, 3]", places.len()),
+            ));
+        }
+        for station in 0..places.len() {
+            let matrix = axes.matrix3(station);
+            let off = (matrix * matrix.transpose() - Matrix3::identity()).amax();
+            if !(off < NO_ROTATION && matrix.determinant() > 0.0) {
+                return Err(pyo3::exceptions::PyValueError::new_err(format!(
+                    "axes of station {station} are no rotation: {off:.1e} off, determinant {:.3}",
+                    matrix.determinant()
+                )));
+            }
+        }
+    }
     let station = |(index, place): (usize, Vector3<f64>)| match &axes {
         Some(axes) => {
             let rotation = kurs::frames::Rotation::from_matrix(axes.matrix3(index));

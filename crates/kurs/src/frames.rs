@@ -381,10 +381,11 @@ impl Attitude {
         let m = &ned_from_body.matrix;
         let cos_pitch = m[(2, 1)].hypot(m[(2, 2)]);
         let pitch_rad = (-m[(2, 0)]).atan2(cos_pitch);
-        let (heading, roll_rad) = if cos_pitch > 1e-12 {
-            (m[(1, 0)].atan2(m[(0, 0)]), m[(2, 1)].atan2(m[(2, 2)]))
-        } else {
+        // What is no number stays so.
+        let (heading, roll_rad) = if cos_pitch <= 1e-12 {
             ((-m[(0, 1)]).atan2(m[(1, 1)]), 0.0)
+        } else {
+            (m[(1, 0)].atan2(m[(0, 0)]), m[(2, 1)].atan2(m[(2, 2)]))
         };
         Self { heading_rad: wrap_heading(heading), pitch_rad, roll_rad }
     }
@@ -406,7 +407,7 @@ pub fn wrap_angle(angle_rad: f64) -> f64 {
 pub fn wrap_heading(angle_rad: f64) -> f64 {
     let wrapped = angle_rad.rem_euclid(core::f64::consts::TAU);
     // A tiny negative angle rounds up to 2π itself.
-    if wrapped < core::f64::consts::TAU { wrapped } else { 0.0 }
+    if wrapped >= core::f64::consts::TAU { 0.0 } else { wrapped }
 }
 
 /// Antisymmetric matrix of a vector: `skew(a) b = a × b`.

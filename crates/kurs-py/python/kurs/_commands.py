@@ -20,7 +20,7 @@ from kurs._whole import whole_file
 Config = str | PathLike[str] | Mapping[str, Any]
 
 #: Keys of configurations whose values are paths.
-_PATHS = frozenset({"obs", "files", "file", "calibration", "attitude", "solve", "dir", "state_dir"})
+_PATHS = frozenset({"obs", "files", "file", "calibration", "attitude", "solve", "dir", "state_dir", "navigation", "log"})
 
 
 @contextmanager
@@ -33,28 +33,37 @@ def config_file(config: Config) -> Iterator[str]:
         raise TypeError(f"the configuration is {config!r}, expected the path of a file or a dictionary")
     with tempfile.TemporaryDirectory(prefix="kurs-") as folder:
         path = Path(folder) / "config.toml"
-        text = _native.toml_of_json(json.dumps(_for_json(config), default=str))
-        path.write_text(text, encoding="utf-8")
+        path.write_text(toml_of(config, Path()), encoding="utf-8")
         yield str(path)
 
 
-def _for_json(value: Any, key: str = "") -> Any:
+def toml_of(tables: Mapping[str, Any], folder: Path) -> str:
+    """The text of a configuration whose paths are relative to a folder, with whole paths."""
+    return _native.toml_of_json(json.dumps(_for_json(tables, folder), default=str))
+
+
+def _for_json(value: Any, folder: Path, key: str = "") -> Any:
     """Arrays as lists, paths whole, and only numbers that JSON has."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {name: _for_json(inner, name) for name, inner in value.items()}
+        return {name: _for_json(inner, folder, name) for name, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_for_json(inner, key) for inner in value]
+        return [_for_json(inner, folder, key) for inner in value]
     if isinstance(value, float) and not math.isfinite(value):
         raise _native.UsageError(f"{key} is {value}, expected a finite number")
     if key in _PATHS and isinstance(value, (str, PathLike)):
-        return str(Path(value).absolute())
+        return str((folder / value).absolute())
     return value
 
 
-def settings(overrides: Mapping[str, Any]) -> list[str]:
-    """`--set` for each override; `nav__as_received=True` sets the key `nav.as_received`, None leaves one as it is."""
+def settings(overrides: Mapping[str, Any], config: Config = "") -> list[str]:
+    """`--set` for each override; `nav__as_received=True` sets the key `nav.as_received`, None leaves one as it is.
+
+    Paths are relative to the file of the configuration, of a dictionary to the working directory.
+    """
+    if isinstance(config, Mapping):
+        overrides = {key: _for_json(value, Path(), key.rpartition("__")[2]) for key, value in overrides.items()}
     return [
         argument
         for key, value in overrides.items()
@@ -67,7 +76,7 @@ def _toml_value(value: Any) -> str:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (str, PathLike)):
-        return json.dumps(str(value))
+        return json.dumps(str(value), ensure_ascii=False)
     if isinstance(value, (list, tuple)):
         return "[" + ",".join(_toml_value(inner) for inner in value) + "]"
     # TOML writes nan and inf as Python does.
@@ -128,7 +137,7 @@ class Solution(Results):
 
     def _run(self, folder: str | PathLike[str], *options: str) -> None:
         with config_file(self._config) as path:
-            run("solve", path, *settings(self._overrides), *options, "--require-fix", "0", "--out", folder)
+            run("solve", path, *settings(self._overrides, self._config), *options, "--require-fix", "0", "--out", folder)
 
     @property
     def attitude(self) -> Table:
@@ -186,7 +195,7 @@ def simulate(
     `scenario`: path of a TOML file, name of a built-in one, or its tables. `overrides`: its keys, as `--set`.
     """
     with config_file(scenario) as path:
-        run("simulate", path, "--out", out, *settings(overrides))
+        run("simulate", path, "--out", out, *settings(overrides, scenario))
     return Path(out) / "kurs.toml"
 
 
@@ -208,7 +217,7 @@ def plan(
     arguments += ["--at", at] if at else []
     arguments += ["--for", duration] if duration else []
     with config_file(array) as path:
-        run("plan", path, "--out", results.folder, *arguments, *settings(overrides))
+        run("plan", path, "--out", results.folder, *arguments, *settings(overrides, array))
     return results.json("plan")
 
 

@@ -28,7 +28,24 @@ def paths(given: Paths) -> list[str]:
 
 
 def _nanoseconds(instant: Any) -> int:
-    return int(np.datetime64(instant, "ns").astype(np.int64))
+    if getattr(instant, "tzinfo", None) is not None:
+        raise ValueError(f"time: {instant!r} has a time zone, expected GPST without one")
+    nanoseconds = np.datetime64(instant, "ns")
+    if np.isnat(nanoseconds):
+        raise ValueError(f"time: {instant!r} is no instant")
+    if abs(np.datetime64(instant, "s").astype(np.int64)) > _ALWAYS[1] // 10**9:
+        raise ValueError(f"time: {instant!r} is beyond the years 1678 to 2262")
+    return int(nanoseconds.astype(np.int64))
+
+
+def _between(time: tuple[Any, Any] | None) -> tuple[int, int]:
+    """First and last instant as nanoseconds; None is open."""
+    if time is None:
+        return _ALWAYS
+    if len(time) != 2:
+        raise ValueError(f"time has {len(time)} instants, expected the first and the last")
+    first, last = (None if instant is None else _nanoseconds(instant) for instant in time)
+    return (_ALWAYS[0] if first is None else first, _ALWAYS[1] if last is None else last)
 
 
 class OfFiles(Table):
@@ -85,11 +102,10 @@ def read_obs(
 
     `path`: one file or several in any order; epochs of a file that are not later than those before are skipped, which
     `damage` of the table tells. `systems`: letters, "GE". `signals`: RINEX codes with the letter of the system, or bands:
-    "G1C" or ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes.
+    "G1C" or ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes; None: open.
     """
-    between = _ALWAYS if time is None else (_nanoseconds(time[0]), _nanoseconds(time[1]))
     wanted = [signals] if isinstance(signals, str) else None if signals is None else list(signals)
-    return Observations(*_native.read_obs(paths(path), systems, wanted, between))
+    return Observations(*_native.read_obs(paths(path), systems, wanted, _between(time)))
 
 
 class Navigation:

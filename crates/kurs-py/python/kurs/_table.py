@@ -130,7 +130,9 @@ def _struct(columns: Mapping[str, NDArray[Any] | Words], rows: int) -> Any:
             return na.string(), [_bits(codes >= 0), ends, b"".join(texts[code] for code in codes)]
         if column.dtype.kind == "f":
             return na.float64(), [_bits(~np.isnan(column)), column]
-        return (na.timestamp("ns") if column.dtype.kind == "M" else na.int64()), [None, column.view(np.int64)]
+        if column.dtype.kind == "M":
+            return na.timestamp("ns"), [None, column.view(np.int64)]
+        return na.int64(), [None, column.astype(np.int64)]
 
     arrays = {name: array(column) for name, column in columns.items()}
     children = [na.c_array_from_buffers(kind, rows, buffers) for kind, buffers in arrays.values()]

@@ -19,7 +19,7 @@ def fuse(config: Config, *, out: str | PathLike[str] | None = None, **overrides:
     """Fused attitudes `ned_from_body` (degrees) of every row, as of `kurs fuse`; `overrides`: keys as `--set`."""
     found = Fusion(out)
     with config_file(config) as path:
-        run("fuse", path, "--out", found.folder, *settings(overrides))
+        run("fuse", path, "--out", found.folder, *settings(overrides, config))
     return found
 
 

@@ -15,7 +15,7 @@ def track(config: Config, *, out: str | PathLike[str] | None = None, **overrides
     """Trajectory (ECEF, m, and its tables) of measurements in files, as of `kurs track`; `overrides` as `--set`."""
     found = Trajectory(out)
     with config_file(config) as path:
-        run("track", path, "--out", found.folder, *settings(overrides))
+        run("track", path, "--out", found.folder, *settings(overrides, config))
     return found
 
 

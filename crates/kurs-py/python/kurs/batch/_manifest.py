@@ -76,10 +76,11 @@ def _call(manifest: Path, out: Path, arguments: Sequence[str]) -> None:
 def _entries(manifest: Path) -> list[dict[str, str]]:
     # The command line checks it in words; this only needs the labels and paths.
     try:
-        with manifest.open(newline="", encoding="utf-8") as file:
+        with manifest.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader((line for line in file if not line.startswith("#")), skipinitialspace=True)
-            entries = [{str(k).strip(): (v or "").strip() for k, v in row.items()} for row in rows]
-    except OSError as error:
+            # Fields beyond the header are the command line's to tell.
+            entries = [{k.strip(): (v or "").strip() for k, v in row.items() if k is not None} for row in rows]
+    except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{manifest}: {error}") from error
     if not entries or any("label" not in entry for entry in entries):
         raise UsageError(f"{manifest}: no sessions with a `label`")

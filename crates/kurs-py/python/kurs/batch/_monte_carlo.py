@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
+import tomllib
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from kurs._commands import Config, config_file, settings, simulate, solve
+from kurs._commands import Config, config_file, settings, simulate, solve, toml_of
 from kurs._native import version
 from kurs._table import Table
 from kurs._whole import whole_file
@@ -20,9 +21,10 @@ from kurs._whole import whole_file
 class MonteCarlo:
     """The runs of a scenario: a summary and a table of attitudes for each, in the order of the runs."""
 
-    def __init__(self, folder: Path, runs: int) -> None:
+    def __init__(self, folder: Path, runs: int, configuration: str) -> None:
         self.folder = folder
         self._runs = runs
+        self._configuration = configuration
 
     def __len__(self) -> int:
         return self._runs
@@ -30,15 +32,21 @@ class MonteCarlo:
     def summary(self, run: int) -> dict[str, Any]:
         """The summary.json of a run, with its seed."""
         found: dict[str, Any] = json.loads((_folder(self.folder, run) / "run.json").read_text(encoding="utf-8"))
+        if found["seed"] != seed_of(self._configuration, run):
+            raise RuntimeError(f"{self.folder} holds the runs of another configuration by now: give each its own `out`")
         return found
 
     def attitude(self, run: int) -> Table:
         """Attitudes `ned_from_body` (degrees) of a run."""
-        return Table.read_csv(_folder(self.folder, run) / "attitude.csv")
+        return self._table(run, "attitude")
 
     def truth(self, run: int) -> Table:
         """The truth of a run."""
-        return Table.read_csv(_folder(self.folder, run) / "truth.csv")
+        return self._table(run, "truth")
+
+    def _table(self, run: int, name: str) -> Table:
+        self.summary(run)
+        return Table.read_csv(_folder(self.folder, run) / f"{name}.csv")
 
 
 def seed_of(configuration: str, run: int) -> int:
@@ -67,7 +75,7 @@ def monte_carlo(
     folder = Path(out).absolute()
     with config_file(scenario) as path:
         is_file = Path(path).exists()
-        text = Path(path).read_text(encoding="utf-8") if is_file else path
+        text = _whole(Path(path)) if is_file else path
     configuration = json.dumps([version(), text, overrides, dict(solve_with or {})], default=str)
     tasks = [((text, is_file), run, folder, configuration, overrides, dict(solve_with or {})) for run in range(runs)]
     if executor is None:
@@ -76,7 +84,18 @@ def monte_carlo(
     else:
         for future in [executor.submit(one_run, *task) for task in tasks]:
             future.result()
-    return MonteCarlo(folder, runs)
+    return MonteCarlo(folder, runs, configuration)
+
+
+def _whole(file: Path) -> str:
+    """The text of a scenario, with whole paths if it names files: the runs have it in folders of their own."""
+    text = file.read_text(encoding="utf-8")
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return text  # told in the words of the command line
+    named, elsewhere = (toml_of(tables, folder) for folder in (file.parent, file.parent / "elsewhere"))
+    return text if named == elsewhere else named
 
 
 def one_run(
