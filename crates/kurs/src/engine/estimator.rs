@@ -28,7 +28,6 @@ use super::fix::{Epoch, Fix};
 use super::locate::{CommonFrame, Located, locate};
 use super::noise_levels::{NoiseLevels, Residuals};
 use super::orientation::{self, KnownBody, Orientation};
-use super::phase_changes::PhaseChanges;
 use super::predicted_attitude::PredictedBaselines;
 use super::search::{Problem, Searches};
 use super::session_fit::{Geometry, SessionFit};
@@ -57,7 +56,6 @@ pub(crate) struct Estimator {
     pub(super) recursive: Option<RecursiveFloat>,
     pub(super) link_noise: LinkNoise,
     pub(super) levels: NoiseLevels,
-    pub(super) phase_changes: PhaseChanges,
     pub(super) glonass_ifb: GlonassIfb,
     searches: Searches,
     subsets: Subsets,
@@ -120,7 +118,6 @@ impl Estimator {
             continuity: Continuity::default(),
             link_noise: LinkNoise::default(),
             levels: NoiseLevels::default(),
-            phase_changes: PhaseChanges::default(),
             glonass_ifb: GlonassIfb::default(),
             searches: Searches::default(),
             subsets: Subsets::default(),
