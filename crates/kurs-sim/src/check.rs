@@ -343,16 +343,6 @@ fn check_lists(scenario: &Scenario) -> Result<(), ScenarioError> {
         let problem = format!("{:?}, expected another place than wall.from_m", wall.to_m);
         return Err(ScenarioError::new("wall.to_m", problem));
     }
-    for antennas in scenario.body.iter().map(|body| &body.antenna) {
-        let is_taken =
-            |k: &usize| antennas[..*k].iter().any(|a| a.position_m == antennas[*k].position_m);
-        if let Some(k) = (1..antennas.len()).find(is_taken) {
-            let Antenna { name, position_m, .. } = &antennas[k];
-            let problem =
-                format!("{position_m:?} of {name:?} is there twice, expected a place of its own");
-            return Err(ScenarioError::new("body.antenna.position_m", problem));
-        }
-    }
     distinct("sky.systems", &sky.systems)?;
     distinct("signals", &scenario.signals)?;
     for antenna in scenario.body.iter().flat_map(|body| &body.antenna) {
