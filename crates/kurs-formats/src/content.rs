@@ -149,7 +149,8 @@ fn is_readable(start: &[u8]) -> bool {
 fn first_words(text: &[u8]) -> String {
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let words: String = String::from_utf8_lossy(line).chars().take(40).collect();
-    words.trim().to_owned()
+    // A letter that the end of the part cuts off.
+    words.trim_end_matches(char::REPLACEMENT_CHARACTER).trim().to_owned()
 }
 
 impl fmt::Display for Content {
