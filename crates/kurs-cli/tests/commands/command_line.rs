@@ -210,7 +210,8 @@ fn text_may_be_packed_and_come_through_a_pipe() {
     let [bow, stern, nav, kurs] = ["bow.rnx", "stern.rnx", "nav.rnx", "kurs.toml"].map(file);
     let array = "[[antenna]]\nname = \"A\"\nposition_m = [0.0, 0.0, 0.0]\n\
                  [[antenna]]\nname = \"B\"\nposition_m = [2.0, 0.0, 0.0]\n";
-    let positions = "gps_week,tow_s,name,x_m,y_m,z_m\n2300,1,A,6378137.000,0,0\n2300,1,B,6378137.000,0,2\n";
+    let positions =
+        "gps_week,tow_s,name,x_m,y_m,z_m\n2300,1,A,6378137.000,0,0\n2300,1,B,6378137.000,0,2\n";
     fs::write(folder.path().join("positions.csv"), positions).unwrap();
     let manifest = format!("label,files,nav\none,{bow};{stern},{nav}\n");
     let truth = text(session(), "truth.csv");
