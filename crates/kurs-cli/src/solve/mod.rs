@@ -24,7 +24,7 @@ use kurs::engine::{Direction, Engine, Settings, SettingsError};
 use kurs::ephemeris::NavigationData;
 use kurs::frames::Vector;
 use kurs::observation::ArrayEpoch;
-use kurs::solution::{EpochSolution, Outcome, Reason, Status};
+use kurs::solution::{EpochSolution, Outcome, Reason};
 use kurs_formats::nmea::Profile;
 
 use crate::batch::FAILURE;
