@@ -179,6 +179,12 @@ pub(crate) fn solve_all<M, T: Send>(
     }
 }
 
+/// Whether `RᵀR − I` is as small as `tolerance`, and R no reflection; not with NaN.
+pub(crate) fn is_rotation(matrix: &Matrix3<f64>, tolerance: f64) -> bool {
+    let excess = (matrix.transpose() * matrix - Matrix3::identity()).norm();
+    excess < tolerance && matrix.determinant() > 0.0
+}
+
 /// Runs work on the threads of this process, without the interpreter's lock.
 pub(crate) fn in_parallel<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
     py.detach(|| match pool() {

@@ -462,9 +462,7 @@ pub(crate) fn angles(
     let count = arrays::count(&given)?;
     for problem in 0..count.unwrap_or(1) {
         let matrix = matrices.matrix3(problem);
-        let excess = (matrix.transpose() * matrix - Matrix3::identity()).norm();
-        // Also for NaN.
-        if !(excess < ORTHOGONALITY && matrix.determinant() > 0.0) {
+        if !arrays::is_rotation(&matrix, ORTHOGONALITY) {
             let text = format!("matrix {problem} is no rotation: {matrix}");
             return Err(pyo3::exceptions::PyValueError::new_err(text));
         }

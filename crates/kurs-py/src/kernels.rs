@@ -230,12 +230,9 @@ pub(crate) fn locate<'py>(
         }
         for station in 0..places.len() {
             let matrix = axes.matrix3(station);
-            let off = (matrix * matrix.transpose() - Matrix3::identity()).amax();
-            if !(off < NO_ROTATION && matrix.determinant() > 0.0) {
-                return Err(pyo3::exceptions::PyValueError::new_err(format!(
-                    "axes of station {station} are no rotation: {off:.1e} off, determinant {:.3}",
-                    matrix.determinant()
-                )));
+            if !arrays::is_rotation(&matrix, NO_ROTATION) {
+                let text = format!("axes of station {station} are no rotation: {matrix}");
+                return Err(pyo3::exceptions::PyValueError::new_err(text));
             }
         }
     }

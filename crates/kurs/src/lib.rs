@@ -171,6 +171,8 @@ pub mod turn_rate;
 
 pub mod chi_square;
 
+mod median;
+
 // The inputs.
 
 pub mod observation;

@@ -33,6 +33,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::difference::Link;
+use crate::median::median;
 use crate::signal::{Band, System};
 use crate::sky::LOSS_AT_HORIZON_DB;
 
@@ -206,10 +207,4 @@ fn mean_cn0(links: &[Link]) -> Option<f64> {
 /// C/N0 that a link would have at the zenith.
 fn at_zenith_db(link: &Link) -> Option<f64> {
     Some(link.cn0_dbhz? + LOSS_AT_HORIZON_DB * (1.0 - link.direction.sin_elevation()))
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    let in_range = middle < values.len();
-    in_range.then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

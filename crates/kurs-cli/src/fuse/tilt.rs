@@ -4,6 +4,7 @@
 use anyhow::bail;
 use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
 use kurs::fusion::complementary::ComplementaryFilter;
+use kurs::fusion::usual_step::UsualStep;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -60,7 +61,7 @@ struct Tilt {
     complementary: [ComplementaryFilter; 2],
     smoothing: [ExponentialSmoothing; 2],
     last_s: f64,
-    usual_step_s: Option<f64>,
+    usual_step: UsualStep,
     pauses: u64,
 }
 
@@ -186,8 +187,16 @@ impl Tilt {
             complementary: angles_rad.map(filter),
             smoothing: [smoothing; 2],
             last_s: time_s,
-            usual_step_s: None,
+            usual_step: UsualStep::new(PAUSE_STEPS, STEP_SHARE),
             pauses: 0,
+        }
+    }
+
+    /// From what the accelerometers show now.
+    fn begin_anew(&mut self, shown_rad: Option<[f64; 2]>) {
+        for (k, angle_rad) in shown_rad.into_iter().flatten().enumerate() {
+            self.complementary[k].angle_rad = angle_rad;
+            self.smoothing[k].restart();
         }
     }
 
@@ -200,10 +209,13 @@ impl Tilt {
     ) -> [[f64; 2]; 2] {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
-        if self.is_pause(step_s) {
+        let is_pause = self.usual_step.is_pause(step_s);
+        self.usual_step.follow(step_s);
+        if is_pause {
             self.pauses += 1;
-            return self.begin_anew(shown_rad);
+            self.begin_anew(shown_rad);
         }
+        let rate_radps = rate_radps.filter(|_| !is_pause);
         let [pitch, roll] = [0, 1].map(|k| self.complementary[k].angle_rad);
         let ((sin_roll, cos_roll), tan_pitch) = (roll.sin_cos(), pitch.tan());
         // ṗ = ω_y cos r − ω_z sin r,  ṙ = ω_x + tan p (ω_y sin r + ω_z cos r)
@@ -215,25 +227,6 @@ impl Tilt {
         let filtered = [0, 1].map(|k| self.complementary[k].update(rates[k], shown[k], step_s));
         let smoothed = [0, 1].map(|k| self.smoothing[k].update_angle(shown[k]).unwrap_or(f64::NAN));
         [filtered, smoothed]
-    }
-
-    /// Whether a step is longer than samples are usually apart, which it teaches.
-    fn is_pause(&mut self, step_s: f64) -> bool {
-        let usual_s = self.usual_step_s.unwrap_or(step_s);
-        let longest_s = PAUSE_STEPS * usual_s;
-        self.usual_step_s = Some(usual_s + STEP_SHARE * (step_s.min(longest_s) - usual_s));
-        step_s > longest_s
-    }
-
-    /// From what the accelerometers show now.
-    fn begin_anew(&mut self, shown_rad: Option<[f64; 2]>) -> [[f64; 2]; 2] {
-        for (k, angle_rad) in shown_rad.iter().flatten().enumerate() {
-            self.complementary[k].angle_rad = *angle_rad;
-            self.smoothing[k].restart();
-        }
-        let shown = shown_rad.unwrap_or([f64::NAN; 2]);
-        let smoothed = [0, 1].map(|k| self.smoothing[k].update_angle(shown[k]).unwrap_or(f64::NAN));
-        [[0, 1].map(|k| self.complementary[k].angle_rad), smoothed]
     }
 }
 

@@ -205,8 +205,7 @@ fn check_motion(poses: &[Pose]) -> Result<(), CalibrationProblem> {
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    crate::median::median(&mut values).unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

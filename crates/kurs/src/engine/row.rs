@@ -115,9 +115,9 @@ fn signal_report(fixed: &Fixed) -> SignalReport {
     }
 }
 
-/// Moves the position from its antenna to the body origin, and gives the wanted points, once the attitude is
-/// known: `G = A + Q (g − l)` (Akhmedov and Raskaliyev, equation 27: `docs/papers/004-three-antennas.md`). With `Q exp[φ×]` in the place of `Q` the covariance grows by
-/// `J P Jᵀ`, `J = −Q [(g − l)×]`, `P` that of `φ`.
+/// Moves the position from its antenna to the body origin, and gives the wanted points, once the
+/// attitude is known: `G = A + Q (g − l)` (equation 27 of `docs/papers/004-three-antennas.md`). With
+/// `Q exp[φ×]` in the place of `Q` the covariance grows by `J P Jᵀ`, `J = −Q [(g − l)×]`, `P` that of `φ`.
 pub(crate) fn place_body(row: &mut EpochSolution, settings: &Settings) {
     let (Some(array), Some(position)) = (&settings.array, &mut row.position) else { return };
     let Some(attitude) = row.outcome.attitude() else { return };

@@ -2,7 +2,7 @@
 //! multi-antenna [`attitude`] carried on by a gyro; for one tilt angle, [`complementary`].
 //!
 //! Both use the [`kalman`] filter, the [`earth`] below them, samples in [`time_order`], and say how they
-//! fare in the words of [`health`].
+//! fare in the words of [`health`]. Samples that are missing show by the [`usual_step`].
 
 pub mod arm;
 pub mod attitude;
@@ -11,3 +11,4 @@ pub mod earth;
 pub mod health;
 pub mod kalman;
 pub mod time_order;
+pub mod usual_step;

@@ -20,6 +20,7 @@ use crate::engine::PredictedAttitude;
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
 use crate::fusion::health::{Event, FilterError, LOCKED_OUT_EPOCHS, Tally};
 use crate::fusion::time_order::{TimeOrder, TooLate};
+use crate::fusion::usual_step::UsualStep;
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::solution::{AttitudeEstimate, EpochSolution, Outcome, PredictionRole, Reason, Status};
@@ -132,7 +133,7 @@ pub struct AttitudeSession {
     week: Option<GpsTime>,
     clock_m: f64,
     place: Option<Geodetic>,
-    usual_step_s: Option<f64>,
+    usual_step: UsualStep,
     last_sample: Option<(f64, ImuSample)>,
     last_used_s: f64,
     locked_out_epochs: usize,
@@ -163,7 +164,7 @@ impl AttitudeSession {
             ready: VecDeque::new(),
             week: None,
             clock_m: 0.0,
-            usual_step_s: None,
+            usual_step: UsualStep::new(LOST_SAMPLES, STEP_SHARE),
             last_sample: None,
             installation_rad2: Matrix3::zeros(),
             last_used_s: f64::NEG_INFINITY,
@@ -235,7 +236,8 @@ impl AttitudeSession {
             if filter.time_s() >= time_s {
                 break;
             }
-            let known_from_s = known_from(last.map(|(last_s, _)| last_s), at_s, self.usual_step_s);
+            let last_s = last.map(|(last_s, _)| last_s);
+            let known_from_s = known_from(last_s, at_s, &self.usual_step);
             carry(&mut filter, at_s.min(time_s), known_from_s, &sample).ok()?;
             last = Some((at_s, sample));
         }
@@ -301,8 +303,10 @@ impl AttitudeSession {
     fn absorb_sample(&mut self, time_s: f64, sample: &ImuSample) {
         self.note(sample);
         let last_s = self.last_sample.map(|(last_s, _)| last_s);
-        let known_from_s = known_from(last_s, time_s, self.usual_step_s);
-        self.follow_step(last_s, time_s);
+        let known_from_s = known_from(last_s, time_s, &self.usual_step);
+        if let Some(last_s) = last_s {
+            self.usual_step.follow(time_s - last_s);
+        }
         self.last_sample = Some((time_s, *sample));
         while self.pending.front().is_some_and(|(row_s, _)| *row_s <= time_s) {
             let Some((row_s, row)) = self.pending.pop_front() else { break };
@@ -325,20 +329,8 @@ impl AttitudeSession {
     /// The last sample for a time after it, or one that says nothing.
     fn held(&self, last: Option<(f64, ImuSample)>, time_s: f64) -> ImuSample {
         let (sample_s, sample) = last.unwrap_or((f64::NEG_INFINITY, NOTHING));
-        let held_until_s = sample_s + LOST_SAMPLES * self.usual_step_s.unwrap_or(0.0);
+        let held_until_s = sample_s + self.usual_step.longest_s().unwrap_or(0.0);
         if time_s <= held_until_s { sample } else { NOTHING }
-    }
-
-    /// The usual step follows the steps; a pause counts as the longest one, a repeated time tag is none.
-    fn follow_step(&mut self, last_s: Option<f64>, time_s: f64) {
-        let Some(last_s) = last_s else { return };
-        let step_s = time_s - last_s;
-        if step_s <= 0.0 {
-            return;
-        }
-        let usual_s = self.usual_step_s.unwrap_or(step_s);
-        let followed_s = step_s.min(LOST_SAMPLES * usual_s);
-        self.usual_step_s = Some(usual_s + STEP_SHARE * (followed_s - usual_s));
     }
 
     /// Integrates to a time: without a rate until `known_from_s`, with that of the sample after it.
@@ -659,12 +651,10 @@ const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
 
 /// From when on the sample at a time says how the body turned: since the sample before, or for its
 /// usual step where samples were lost before it.
-fn known_from(last_s: Option<f64>, time_s: f64, usual_step_s: Option<f64>) -> f64 {
-    match (last_s, usual_step_s) {
+fn known_from(last_s: Option<f64>, time_s: f64, usual_step: &UsualStep) -> f64 {
+    match (last_s, usual_step.step_s()) {
         (None, _) => time_s - LONGEST_FIRST_STEP_S,
-        (Some(last_s), Some(usual_s)) if time_s - last_s > LOST_SAMPLES * usual_s => {
-            time_s - usual_s
-        }
+        (Some(last_s), Some(usual_s)) if usual_step.is_pause(time_s - last_s) => time_s - usual_s,
         _ => f64::NEG_INFINITY,
     }
 }

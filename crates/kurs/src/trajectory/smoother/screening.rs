@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector, Dyn};
 
 use super::{Fit, NotSmoothed, STATED_TO, Smoother, StateEstimate};
 use crate::chi_square::chi_square_tail;
+use crate::median::median;
 
 /// Rounds of leaving out, taking back and smoothing.
 const MAX_ROUNDS: usize = 10;
@@ -219,10 +220,5 @@ fn unit(size: usize) -> DMatrix<f64> {
 /// How many times larger than stated the noise is, by the median, which outliers do not move: noise
 /// that is understated everywhere makes no outliers. Noise that is less than stated counts as stated.
 fn noise_scale(mut sizes: Vec<f64>) -> f64 {
-    let middle = sizes.len() / 2;
-    if sizes.is_empty() {
-        return 1.0;
-    }
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    (*median / NORMAL_MEDIAN).max(1.0)
+    median(&mut sizes).map_or(1.0, |median| (median / NORMAL_MEDIAN).max(1.0))
 }
