@@ -18,10 +18,14 @@ const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
 const ACCELERATION_UNITS: [(&str, f64); 3] =
     [("mps2", 1.0), ("g", STANDARD_GRAVITY_MPS2), ("mg", STANDARD_GRAVITY_MPS2 * 1e-3)];
 
+/// Endings of gyro columns and what they stand for in rad/s.
+const RATE_UNITS: [(&str, f64); 2] = [("radps", 1.0), ("degps", core::f64::consts::PI / 180.0)];
+
 /// Longest list of damage that is kept.
 const LISTED_DAMAGE: usize = 20;
-/// Beyond this, in any unit, a reading is invalid.
-const MAX_READING: f64 = 1e9;
+/// Beyond these a reading is none: the fastest gyros measure to 20 000 °/s, shock accelerometers to 100 000 g.
+const MAX_RATE_RADPS: f64 = 20_000.0 * core::f64::consts::PI / 180.0;
+const MAX_FORCE_MPS2: f64 = 1e6;
 
 /// Usable rows at the beginning of a log whose times are looked at.
 const LOOKED_AT: usize = 200;
@@ -54,6 +58,8 @@ pub(crate) struct SensorLog {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SensorRow {
     pub(crate) time_s: f64,
+    /// Where it stands in its file.
+    pub(crate) line: u64,
     /// m/s², if the file has the columns.
     pub(crate) accelerometer: Option<Vector3<f64>>,
     /// rad/s, if the file has the columns.
@@ -96,11 +102,12 @@ pub(crate) struct Columns {
     arm_angle: Option<usize>,
 }
 
-/// Three columns and the factor to SI units.
+/// Three columns, the factor to SI units, and the largest reading in these.
 #[derive(Debug)]
 struct Triple {
     columns: [usize; 3],
     factor: f64,
+    largest: f64,
 }
 
 impl SensorLog {
@@ -155,8 +162,8 @@ impl Columns {
         };
         let columns = Self {
             time,
-            accelerometer: triple(&names, 'a', &ACCELERATION_UNITS),
-            gyro: triple(&names, 'g', &[("radps", 1.0), ("degps", 1f64.to_radians())]),
+            accelerometer: triple(&names, 'a', &ACCELERATION_UNITS, MAX_FORCE_MPS2),
+            gyro: triple(&names, 'g', &RATE_UNITS, MAX_RATE_RADPS),
             arm_angle: names.iter().position(|name| *name == "arm_deg"),
         };
         if columns.accelerometer.is_none() && columns.gyro.is_none() {
@@ -181,7 +188,8 @@ impl Columns {
         let rate = self.gyro.as_ref().map(|triple| triple.read(record)).transpose()?;
         let angle = self.arm_angle.map(|column| number(record, column)).transpose()?;
         let arm_angle = angle.map(f64::to_radians);
-        Ok(SensorRow { time_s, accelerometer: force, gyro: rate, arm_angle })
+        let line = record.position().map_or(0, csv::Position::line);
+        Ok(SensorRow { time_s, line, accelerometer: force, gyro: rate, arm_angle })
     }
 }
 
@@ -276,7 +284,8 @@ impl SensorReader {
         }
     }
 
-    fn note(&mut self, line: u64, what: String) {
+    /// Lists what is wrong with a row.
+    pub(crate) fn note(&mut self, line: u64, what: String) {
         let damage = Damage::at(pipe::named(&self.path), line, what);
         damage.add_to(&mut self.damage, LISTED_DAMAGE);
     }
@@ -319,8 +328,11 @@ impl Triple {
     fn read(&self, record: &csv::StringRecord) -> Result<Vector3<f64>, String> {
         let [x, y, z] = self.columns.map(|column| number(record, column));
         let reading = Vector3::new(x?, y?, z?);
-        if reading.amax() > MAX_READING {
-            return Err(format!("{:e} is no reading of a sensor", reading.amax()));
+        if reading.amax() * self.factor > self.largest {
+            let (found, largest) = (reading.amax(), self.largest / self.factor);
+            return Err(format!(
+                "{found:e} is no reading of a sensor, {largest:.0} or less expected"
+            ));
         }
         Ok(reading * self.factor)
     }
@@ -328,13 +340,13 @@ impl Triple {
 
 /// The columns `{letter}x_{unit}`, `{letter}y_{unit}`, `{letter}z_{unit}` of the first unit that is
 /// there.
-fn triple(columns: &[&str], letter: char, units: &[(&str, f64)]) -> Option<Triple> {
+fn triple(columns: &[&str], letter: char, units: &[(&str, f64)], largest: f64) -> Option<Triple> {
     units.iter().find_map(|(unit, factor)| {
         let find = |axis: char| {
             let wanted = format!("{letter}{axis}_{unit}");
             columns.iter().position(|column| *column == wanted)
         };
-        Some(Triple { columns: [find('x')?, find('y')?, find('z')?], factor: *factor })
+        Some(Triple { columns: [find('x')?, find('y')?, find('z')?], factor: *factor, largest })
     })
 }
 

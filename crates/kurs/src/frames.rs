@@ -448,6 +448,13 @@ mod tests {
         assert!(wrap_heading(-0.1) > 6.0);
     }
 
+    #[test]
+    fn of_no_rotation_no_angle_is_known() {
+        let nothing = Rotation::from_matrix(Matrix3::from_element(f64::NAN));
+        let Attitude { heading_rad, pitch_rad, roll_rad } = Attitude::from_ned_from_body(&nothing);
+        assert!(heading_rad.is_nan() && pitch_rad.is_nan() && roll_rad.is_nan());
+    }
+
     proptest! {
         #[test]
         fn geodetic_round_trips(lat in -90.0..90.0f64, lon in -180.0..180.0f64, h in -1e5..3e7f64) {

@@ -31,13 +31,11 @@ pub(super) fn in_one_field(events: &[(f64, Event)]) -> String {
 }
 
 /// Lines for the terminal: how many samples were of no use, and why.
-pub(super) fn left_out(
-    saturated: usize,
-    unusable: usize,
-    too_late: usize,
+pub(super) fn left_out<const N: usize>(
+    counts: [(&'static str, usize); N],
 ) -> impl Iterator<Item = String> {
-    let odd = [("saturated", saturated), ("not a number", unusable), ("too late", too_late)];
-    odd.into_iter()
+    counts
+        .into_iter()
         .filter(|(_, count)| *count > 0)
         .map(|(what, count)| format!("left out: {count} {what}"))
 }

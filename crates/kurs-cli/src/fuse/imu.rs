@@ -18,6 +18,15 @@ use crate::failure::UsageError;
 use crate::sensor_log::{Backwards, SensorReader, SensorRow};
 use crate::summary::{Damage, damaged};
 
+/// The filter takes the error of a mounting for a small turn.
+const MAX_MOUNTING_SD_DEG: f64 = 10.0;
+/// No body with antennas is turned on and off faster, rad/s²: racing drones reach 1000 °/s in 50 ms.
+const MAX_ANGULAR_ACCELERATION: f64 = 20_000.0 * core::f64::consts::PI / 180.0;
+/// Nor does one sample of a sensor leave its neighbours by so many times what is usual, unless it is wrong.
+const MAX_DEPARTURE: f64 = 20.0;
+/// How fast the usual departure follows the samples.
+const DEPARTURE_SHARE: f64 = 0.05;
+
 /// The table `[imu]`.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
@@ -45,6 +54,8 @@ pub(crate) struct ImuConfig {
     pub(super) position_m: [f64; 3],
     /// Heading, pitch, roll of the sensor against the body.
     pub(super) mounting_deg: [f64; 3],
+    /// Of the constant error of that on each axis, 1-sigma; 0: exact.
+    pub(super) mounting_sd_deg: f64,
     pub(super) gyro_noise_deg_per_sqrt_h: f64,
     pub(super) gyro_bias_sd_degph: f64,
     pub(super) gyro_bias_walk_degph_per_sqrt_h: f64,
@@ -67,6 +78,7 @@ impl Default for ImuConfig {
             time_offset_s: 0.0,
             position_m: [0.0; 3],
             mounting_deg: [0.0; 3],
+            mounting_sd_deg: 0.0,
             gyro_noise_deg_per_sqrt_h: 0.1,
             gyro_bias_sd_degph: 10.0,
             gyro_bias_walk_degph_per_sqrt_h: 1.0,
@@ -115,6 +127,7 @@ impl ImuConfig {
             ("accelerometer_bias_sd_mps2", self.accelerometer_bias_sd_mps2, 1e-9..=100.0),
             ("accelerometer_bias_walk_mps2_per_sqrt_h", force_walk, 0.0..=100.0),
             ("accelerometer_range_mps2", self.accelerometer_range_mps2, 1e-6..=f64::INFINITY),
+            ("mounting_sd_deg", self.mounting_sd_deg, 0.0..=MAX_MOUNTING_SD_DEG),
             ("time_offset_s", self.time_offset_s, -1e10..=1e10),
         ] {
             check_range(&format!("imu.{key}"), value, range)?;
@@ -148,6 +161,10 @@ pub(super) struct Sensor {
     reader: SensorReader,
     /// Read ahead of their time, first of all to look at the unit.
     ahead: VecDeque<SensorRow>,
+    /// The one that was used last.
+    before: Option<SensorRow>,
+    /// Mean square of how far a rate is from the nearer one of its neighbours, rad²/s².
+    departure_square: Option<f64>,
     mounted: Mounted,
 }
 
@@ -201,7 +218,7 @@ impl Sensor {
             let norms = ahead.iter().filter_map(|row| Some(row.accelerometer?.norm()));
             gravity_check::refuse_other_units(norms.collect(), gravity_check::AT_REST_MPS2)?;
         }
-        Ok(Self { reader, ahead, mounted })
+        Ok(Self { reader, ahead, before: None, departure_square: None, mounted })
     }
 
     /// Whether a bias from a rest is taken off the rates.
@@ -218,6 +235,31 @@ impl Sensor {
     pub(super) fn damage(&self) -> &[Damage] {
         self.reader.damage()
     }
+
+    fn read_row(&mut self) -> Option<SensorRow> {
+        self.ahead.pop_front().or_else(|| self.reader.next())
+    }
+
+    /// Whether a rate is none: no body turns so from the sample before it and back to the one after it.
+    fn is_glitch(&mut self, row: &SensorRow) -> bool {
+        if self.ahead.is_empty() {
+            self.ahead.extend(self.reader.next());
+        }
+        let (Some(before), Some(after)) = (self.before, self.ahead.front()) else { return false };
+        let steps_s = [row.time_s - before.time_s, after.time_s - row.time_s];
+        let (Some(from), Some(rate), Some(to)) = (before.gyro, row.gyro, after.gyro) else {
+            return false;
+        };
+        if steps_s.iter().any(|step_s| *step_s <= 0.0) {
+            return false;
+        }
+        let departure = (rate - from).norm().min((rate - to).norm());
+        let square = departure * departure;
+        let usual_square = *self.departure_square.get_or_insert(square);
+        self.departure_square = Some(usual_square + DEPARTURE_SHARE * (square - usual_square));
+        departure > MAX_ANGULAR_ACCELERATION * steps_s[0].max(steps_s[1])
+            && departure > MAX_DEPARTURE * usual_square.sqrt()
+    }
 }
 
 impl Iterator for Sensor {
@@ -225,7 +267,16 @@ impl Iterator for Sensor {
 
     /// The next sample with its time, s.
     fn next(&mut self) -> Option<(f64, ImuSample)> {
-        let row = self.ahead.pop_front().or_else(|| self.reader.next())?;
-        Some(self.mounted.sample(&row))
+        loop {
+            let row = self.read_row()?;
+            if self.is_glitch(&row) {
+                let rate_degps = row.gyro.map_or(0.0, |rate| rate.norm().to_degrees());
+                let text = format!("{rate_degps:.0} °/s in one sample alone is no turn of a body");
+                self.reader.note(row.line, text);
+                continue;
+            }
+            self.before = Some(row);
+            return Some(self.mounted.sample(&row));
+        }
     }
 }

@@ -4,9 +4,9 @@
 use anyhow::bail;
 use kurs::calibration::exponential_smoothing::ExponentialSmoothing;
 use kurs::fusion::complementary::ComplementaryFilter;
-use kurs::fusion::usual_step::UsualStep;
+use kurs::fusion::usual_step::{LONGEST_BRIDGED_S, UsualStep};
 use nalgebra::Vector3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::Args;
 use super::imu::{ImuConfig, Sensor};
@@ -51,18 +51,12 @@ impl Default for TiltConfig {
     }
 }
 
-/// A step of more than this many usual ones is a pause: nobody knows how the body turned in it.
-const PAUSE_STEPS: f64 = 5.0;
-/// Share of a step in the usual one.
-const STEP_SHARE: f64 = 0.01;
-
-/// Pitch and roll, each with the same two filters.
+/// Pitch and roll, each with the same filter, and the force whose direction shows them.
 struct Tilt {
     complementary: [ComplementaryFilter; 2],
-    smoothing: [ExponentialSmoothing; 2],
+    smoothing: [ExponentialSmoothing; 3],
+    step: UsualStep,
     last_s: f64,
-    usual_step: UsualStep,
-    pauses: u64,
 }
 
 /// Runs the command.
@@ -89,36 +83,48 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let inputs = [args.config.clone(), folder.join(&config.imu.file)];
     let outputs = OutputFolder::begin(&args.out, super::OUTPUTS, &inputs)?;
     let table = Table::create(outputs.path(), "tilt", TableFormat::Csv, COLUMNS)?;
-    let Rows { written: rows, left_out, pauses } =
-        write_rows(&mut sensor, &config.tilt, smoothing, table)?;
+    let rows = write_rows(&mut sensor, &config.tilt, smoothing, table)?;
     sensor.damage().iter().for_each(|damage| eprintln!("{damage}"));
-    if left_out > 0 {
-        eprintln!("{left_out} samples left out: their time goes back");
-    }
-    if pauses > 0 {
-        eprintln!("{pauses} pauses of the log: behind each the accelerometers begin the tilt anew");
-    }
-    if rows == 0 {
+    rows.tell_what_is_odd();
+    if rows.rows == 0 {
         bail!("{}: no two samples that can be used", config.imu.file.display());
     }
     outputs.publish()?;
     if args.json {
-        let counts = serde_json::json!({ "rows": rows, "left_out": left_out, "pauses": pauses });
-        output::print_json(&counts)?;
+        output::print_json(&rows)?;
     } else if !args.quiet {
-        output::print(format_args!("{rows} rows written to {}\n", args.out.display()))?;
+        output::print(format_args!("{} rows written to {}\n", rows.rows, args.out.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Numbers of samples.
-#[derive(Default)]
+/// What became of the samples.
+#[derive(Default, Serialize)]
 struct Rows {
-    written: u64,
-    /// Not later than the one before.
+    /// Written.
+    rows: u64,
+    /// Samples not later than the one before.
     left_out: u64,
-    /// Times without samples.
+    /// Times without samples, and their sum.
     pauses: u64,
+    paused_s: f64,
+}
+
+impl Rows {
+    fn tell_what_is_odd(&self) {
+        let Self { left_out, pauses, paused_s, .. } = self;
+        if *left_out > 0 {
+            eprintln!(
+                "{left_out} samples left out: their time is not after that of the one before"
+            );
+        }
+        if *pauses > 0 {
+            eprintln!(
+                "pauses of the samples: {pauses}, {paused_s:.1} s in all; after each the accelerometers \
+                 start the filters anew"
+            );
+        }
+    }
 }
 
 /// Filters the samples of a log and writes a row for each; the first one starts the filters.
@@ -131,27 +137,32 @@ fn write_rows(
     let mut tilt: Option<Tilt> = None;
     let mut rows = Rows::default();
     for (time_s, sample) in sensor {
-        let shown = sample.specific_force_mps2.map(|force| shown_by_gravity(&force.xyz()));
+        let force = sample.specific_force_mps2.map(|force| force.xyz());
         let Some(now) = &mut tilt else {
-            tilt = shown.map(|angles| Tilt::new(config, smoothing, angles, time_s));
+            tilt = force.map(|force| Tilt::new(config, smoothing, &force, time_s));
             continue;
         };
         if time_s <= now.last_s {
             rows.left_out += 1;
             continue;
         }
+        if now.is_after_pause(time_s) {
+            let Some(force) = force else { continue };
+            rows.pauses += 1;
+            rows.paused_s += time_s - now.last_s;
+            now.restart(smoothing, &force, time_s);
+        }
         let rate = sample.rate_radps.map(|rate| rate.xyz());
-        let [angles, smoothed] = now.update(time_s, rate, shown);
-        let shown = shown.map_or([f64::NAN; 2], |angles| angles);
+        let [angles, smoothed] = now.update(time_s, rate, force);
+        let shown = force.map_or([f64::NAN; 2], |force| shown_by_gravity(&force));
         table.real(Some(time_s), 4);
         for angle in [angles, shown, smoothed].as_flattened() {
             table.real(Some(angle.to_degrees()), 4);
         }
         table.end_row()?;
-        rows.written += 1;
+        rows.rows += 1;
     }
     table.finish()?;
-    rows.pauses = tilt.map_or(0, |tilt| tilt.pauses);
     Ok(rows)
 }
 
@@ -176,7 +187,7 @@ impl Tilt {
     fn new(
         config: &TiltConfig,
         smoothing: ExponentialSmoothing,
-        angles_rad: [f64; 2],
+        force_mps2: &Vector3<f64>,
         time_s: f64,
     ) -> Self {
         let filter = |angle_rad| ComplementaryFilter {
@@ -184,20 +195,27 @@ impl Tilt {
             ..ComplementaryFilter::new(config.gyro_share, angle_rad)
         };
         Self {
-            complementary: angles_rad.map(filter),
-            smoothing: [smoothing; 2],
+            complementary: shown_by_gravity(force_mps2).map(filter),
+            smoothing: [smoothing; 3],
+            step: UsualStep::default(),
             last_s: time_s,
-            usual_step: UsualStep::new(PAUSE_STEPS, STEP_SHARE),
-            pauses: 0,
         }
     }
 
-    /// From what the accelerometers show now.
-    fn begin_anew(&mut self, shown_rad: Option<[f64; 2]>) {
-        for (k, angle_rad) in shown_rad.into_iter().flatten().enumerate() {
-            self.complementary[k].angle_rad = angle_rad;
-            self.smoothing[k].restart();
+    /// Whether the samples paused before this time for longer than a rate may be taken to hold.
+    fn is_after_pause(&mut self, time_s: f64) -> bool {
+        let step_s = time_s - self.last_s;
+        let has_lost = self.step.has_lost(step_s);
+        self.step.follow(step_s);
+        has_lost && step_s > LONGEST_BRIDGED_S
+    }
+
+    /// From the accelerometers alone; the bias of the gyro stays.
+    fn restart(&mut self, smoothing: ExponentialSmoothing, force_mps2: &Vector3<f64>, time_s: f64) {
+        for (filter, angle_rad) in self.complementary.iter_mut().zip(shown_by_gravity(force_mps2)) {
+            filter.angle_rad = angle_rad;
         }
+        (self.smoothing, self.last_s) = ([smoothing; 3], time_s);
     }
 
     /// Filtered and smoothed pitch and roll; what is not known of a sample is left out.
@@ -205,17 +223,10 @@ impl Tilt {
         &mut self,
         time_s: f64,
         rate_radps: Option<Vector3<f64>>,
-        shown_rad: Option<[f64; 2]>,
+        force_mps2: Option<Vector3<f64>>,
     ) -> [[f64; 2]; 2] {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
-        let is_pause = self.usual_step.is_pause(step_s);
-        self.usual_step.follow(step_s);
-        if is_pause {
-            self.pauses += 1;
-            self.begin_anew(shown_rad);
-        }
-        let rate_radps = rate_radps.filter(|_| !is_pause);
         let [pitch, roll] = [0, 1].map(|k| self.complementary[k].angle_rad);
         let ((sin_roll, cos_roll), tan_pitch) = (roll.sin_cos(), pitch.tan());
         // ṗ = ω_y cos r − ω_z sin r,  ṙ = ω_x + tan p (ω_y sin r + ω_z cos r)
@@ -223,10 +234,13 @@ impl Tilt {
             let across = w.y * sin_roll + w.z * cos_roll;
             [w.y * cos_roll - w.z * sin_roll, w.x + tan_pitch * across]
         });
-        let shown = shown_rad.unwrap_or([f64::NAN; 2]);
+        let force = force_mps2.unwrap_or(Vector3::repeat(f64::NAN));
+        let shown = shown_by_gravity(&force);
         let filtered = [0, 1].map(|k| self.complementary[k].update(rates[k], shown[k], step_s));
-        let smoothed = [0, 1].map(|k| self.smoothing[k].update_angle(shown[k]).unwrap_or(f64::NAN));
-        [filtered, smoothed]
+        // Of the force, not of the angles: the mean of 179° and −179° is not 0°.
+        let smooth = |k: usize| self.smoothing[k].update(force[k]).unwrap_or(f64::NAN);
+        let smoothed = Vector3::from([0, 1, 2].map(smooth));
+        [filtered, shown_by_gravity(&smoothed)]
     }
 }
 

@@ -249,6 +249,12 @@ fn damage_is_named_and_survived() {
                 fields[9] = "nan".to_owned();
                 Some(fields.join(","))
             }
+            // An angle of which nothing is known but itself, and a place beyond the pole.
+            165 | 170 => {
+                fields[11] = if k == 165 { String::new() } else { "0.00000".to_owned() };
+                Some(fields.join(","))
+            }
+            175 => Some(line.replace(",55.7", ",5575.")),
             _ => Some(line.to_owned()),
         }
     });
@@ -257,6 +263,9 @@ fn damage_is_named_and_survived() {
     edit(&log, |k, line| {
         let time = line.split(',').next().unwrap_or_default();
         match k {
+            1 => Some(format!("{line}\n{line}")),
+            2500 => Some(format!("{time},500.0,0,0,0,0,9.8")),
+            2600 => Some(format!("{time},5e8,0,0,0,0,9.8")),
             3000 => Some(format!("{time},nan,0,0,0,0,9.8")),
             3010 => Some(format!("{time},broken")),
             // 50 ms late, put back in its place; then 3 s late, refused.
@@ -275,20 +284,41 @@ fn damage_is_named_and_survived() {
     let summary = summary(folder);
     let filter = &summary["filter"];
     assert_eq!((&filter["saturated"], &filter["too_late"]), (&10.into(), &1.into()));
+    assert_eq!(filter["repeated"], 1);
+    assert!(told.contains("left out: 1 with the time of the one before"), "{told}");
     assert_eq!(filter["attitudes_rejected"], 1);
     let damage = summary["damage"].as_array().unwrap();
     let named = |line: u64, what: &str| {
         damage.iter().any(|d| d["line"] == line && d["what"].as_str().unwrap().contains(what))
     };
     assert!(named(161, "pitch_deg: `nan` found"), "{damage:?}");
-    assert!(named(3001, "`nan` is not a number"), "{damage:?}");
-    assert!(named(3011, "column 5 is missing"), "{damage:?}");
+    let no_sd = "found, a standard deviation above 0 expected";
+    assert!(named(166, &format!("heading_sd_deg: `` {no_sd}")), "{damage:?}");
+    assert!(named(171, &format!("heading_sd_deg: `0.00000` {no_sd}")), "{damage:?}");
+    assert!(named(176, "found, -90 to 90 expected"), "{damage:?}");
+    // The first sample stands twice.
+    assert!(named(2502, "500 °/s in one sample alone is no turn of a body"), "{damage:?}");
+    assert!(named(2602, "5e8 is no reading of a sensor, 20000 or less expected"), "{damage:?}");
+    assert!(named(3002, "`nan` is not a number"), "{damage:?}");
+    assert!(named(3012, "column 5 is missing"), "{damage:?}");
     let attitude = fs::read_to_string(folder.join("fused/attitude.csv")).unwrap();
     let refused = attitude.lines().nth(150).unwrap();
     assert!(refused.contains(",float,residuals,"), "{refused}");
     let heading = errors(folder, "fused/attitude.csv", "heading");
     let worst = heading.iter().map(|[_, e, sd]| (e / sd).abs()).fold(0.0, f64::max);
     assert!(worst < 5.0, "{worst} σ");
+    // Three more seconds without samples, and a box that leans: its velocities are others.
+    edit(&log, |k, line| (!(5000..5300).contains(&k)).then(|| line.to_owned()));
+    let leaning = config(folder).replace("[2.0, -1.0, 180.0]", "[2.0, 7.0, 180.0]");
+    let told = text(&fuse_well(folder, &leaning).stdout);
+    assert!(told.contains("5.0 s without samples were bridged, 5 % of the run: nothing"), "{told}");
+    assert!(told.contains("many velocities were rejected: are unit, mounting"), "{told}");
+    // By as much as is said of it: the filter finds it.
+    let leaning = config(folder).replace("[2.0, -1.0, 180.0]", "[2.0, 2.0, 180.0]");
+    let known = leaning.replace("[imu]", "[imu]\nmounting_sd_deg = 3.0");
+    fuse_well(folder, &known);
+    let normalised = self::summary(folder)["truth"]["pitch_normalised"].as_f64().unwrap();
+    assert!(normalised < 3.0, "{normalised}");
 }
 
 #[test]
@@ -347,6 +377,16 @@ fn what_cannot_be_is_refused_in_words() {
         "{told}"
     );
     assert_eq!(output.status.code(), Some(1), "{told}");
+    let solved = folder.join("solved/attitude.csv");
+    let rows = fs::read_to_string(&solved).unwrap();
+    fs::write(&solved, rows.replacen("pitch_sd_deg", "pitch_sigma", 1)).unwrap();
+    let told = text(&fuse(folder, &good).stderr);
+    assert!(told.contains("attitude.csv:1: no column `pitch_sd_deg`"), "{told}");
+    // The first sample comes after the only attitude, and is the mean since then.
+    fs::write(&solved, rows.split_inclusive('\n').take(2).collect::<String>()).unwrap();
+    let told = text(&fuse_well(folder, &good).stdout);
+    assert!(told.contains("1 rows: 1 with a fix"), "{told}");
+    fs::write(&solved, rows).unwrap();
     // Accelerometers in g under the header of m/s².
     edit(&folder.join("imu.csv"), |k, line| {
         let fields: Vec<&str> = line.split(',').collect();
@@ -405,4 +445,27 @@ fn the_tilt_of_the_sensor_alone() {
     let output = fused("gyro_share = 1.5");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("tilt.gyro_share: 1.5 found, 0 to below 1 expected"));
+}
+
+/// A resting body upside down, whose accelerometers show now 179.4°, now −179.4°; then a minute without
+/// samples, the first of which after it has a rate that nobody may stretch over the minute.
+#[test]
+fn a_tilt_upside_down_and_after_a_pause() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut log = "time_s,gx_degps,gy_degps,gz_degps,ax_mps2,ay_mps2,az_mps2\n".to_owned();
+    for k in 0..1000 {
+        let time_s = f64::from(k) * 0.01 + if k < 500 { 0.0 } else { 60.0 };
+        let (rate, across) = (if k == 500 { 2.0 } else { 0.0 }, [0.1, -0.1][k as usize % 2]);
+        log += &format!("{time_s:.2},{rate},0,0,0,{across},9.81\n");
+    }
+    fs::write(folder.join("imu.csv"), log).unwrap();
+    let (config, out) = (folder.join("tilt.toml"), folder.join("tilt"));
+    fs::write(&config, "[tilt]\n[imu]\nfile = \"imu.csv\"\n").unwrap();
+    let output = run(&["fuse", config.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    let told = text(&output.stderr);
+    assert!(told.contains("pauses of the samples: 1, 60.0 s in all"), "{told}");
+    let rows = table_of(&out.join("tilt.csv"), "time_s", &["roll_deg", "smoothed_roll_deg"]);
+    assert_eq!(rows.len(), 999);
+    assert!(rows.iter().all(|row| row[1].abs() > 179.0 && row[2].abs() > 179.0));
 }

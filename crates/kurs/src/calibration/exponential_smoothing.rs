@@ -1,6 +1,5 @@
-//! Exponential smoothing of one value.
-
-use crate::frames::wrap_angle;
+//! Exponential smoothing of one value; of an angle that may pass half a turn smooth the parts of its
+//! direction.
 
 /// s ← α x + (1 − α) s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,19 +25,6 @@ impl ExponentialSmoothing {
         self.value
     }
 
-    /// As [`update`](Self::update) for an angle, rad: the short way round from the smoothed one.
-    pub fn update_angle(&mut self, angle_rad: f64) -> Option<f64> {
-        let before = self.value.unwrap_or(angle_rad);
-        let smoothed = self.update(before + wrap_angle(angle_rad - before));
-        self.value = smoothed.map(wrap_angle);
-        self.value
-    }
-
-    /// Forgets what was before.
-    pub fn restart(&mut self) {
-        self.value = None;
-    }
-
     /// Variance of the output over that of white input, α/(2 − α).
     #[must_use]
     pub fn variance_ratio(&self) -> f64 {
@@ -58,17 +44,6 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_xoshiro::Xoshiro256PlusPlus;
-
-    #[test]
-    fn angles_go_the_short_way_round() {
-        let mut smoothing = ExponentialSmoothing::new(0.5).unwrap();
-        let found = [170.0, -170.0, -170.0, f64::NAN].map(|deg: f64| {
-            smoothing.update_angle(deg.to_radians()).unwrap().to_degrees().rem_euclid(360.0)
-        });
-        for (found, expected) in found.iter().zip([170.0, 180.0, 185.0, 185.0]) {
-            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
-        }
-    }
 
     /// Variance within 5 % and lag of a ramp, for the values of the reference.
     #[test]

@@ -1,8 +1,8 @@
 //! GNSS joined with inertial sensors: antenna and accelerometers on a rotating [`arm`], and the
 //! multi-antenna [`attitude`] carried on by a gyro; for one tilt angle, [`complementary`].
 //!
-//! Both use the [`kalman`] filter, the [`earth`] below them, samples in [`time_order`], and say how they
-//! fare in the words of [`health`]. Samples that are missing show by the [`usual_step`].
+//! Both use the [`kalman`] filter, the [`earth`] below them, samples in [`time_order`] and their
+//! [`usual_step`], and say how they fare in the words of [`health`].
 
 pub mod arm;
 pub mod attitude;

@@ -148,6 +148,7 @@ pub(crate) fn session(
             accelerometer_noise: imu.accelerometer_noise_mps2_per_sqrt_hz,
             accelerometer_bias_sd_mps2: imu.accelerometer_bias_sd_mps2,
             accelerometer_bias_walk: imu.accelerometer_bias_walk_mps2_per_sqrt_h / SQRT_HOUR,
+            mounting_sd_rad: imu.mounting_sd_deg.to_radians(),
             unknown_acceleration: 1.0,
             gate: Gate::Innovation { sigmas: filter.gate_sigmas },
         },

@@ -24,6 +24,9 @@ use config::Config;
 use rows::Rows;
 use source::Source;
 
+/// A sample is the mean over as much as this before its time, s.
+const COVERED_S: f64 = 1.0;
+
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let config: Config = config_file::read_with(&args.config, &args.set, "filter")?;
@@ -113,7 +116,8 @@ fn fuse(
     if !watch.was_interrupted() {
         sensor.for_each(|(tow_s, _)| samples.take(tow_s));
     }
-    if samples.last_s < antennas.first_s || antennas.last_s < samples.first_s {
+    let is_apart = |a: &Span, b: &Span| a.last_s + COVERED_S < b.first_s;
+    if is_apart(&samples, &antennas) || is_apart(&antennas, &samples) {
         bail!(
             "the sensor's log ({samples}) and the antennas ({antennas}) have no time in common: `time_s` is the \
              GPS second of the week, [imu] time_offset_s is added to it"

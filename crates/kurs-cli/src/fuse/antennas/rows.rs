@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use kurs::fusion::attitude::session::{AttitudeSession, CoastingHealth, FusedRow};
-use kurs::solution::{PredictionRole, Status};
+use kurs::solution::{EpochSolution, PredictionRole, Status};
+use kurs::time::GpsTime;
 use serde::Serialize;
 
 use crate::fuse::agreement::{Agreement, TruthSummary};
@@ -31,10 +32,14 @@ const HEALTH: &[&str] = &[
     "velocity_nis",
     "saturated",
     "unusable",
+    "repeated",
     "without_samples_s",
     "prediction",
     "event",
 ];
+
+/// More than this share of a run without samples is worth a word.
+const MANY_WITHOUT_SAMPLES: f64 = 0.03;
 
 /// The tables in the making.
 pub(super) struct Rows {
@@ -74,9 +79,13 @@ struct Total {
     refused_by_prediction: usize,
     saturated: usize,
     unusable: usize,
+    repeated: usize,
     without_samples_s: f64,
     longest_coasting_s: f64,
     too_late: usize,
+    /// Times of the first row and the last.
+    #[serde(skip)]
+    run: Option<[GpsTime; 2]>,
     #[serde(skip)]
     attitude_nis: f64,
     #[serde(skip)]
@@ -129,7 +138,7 @@ impl Rows {
         let time = TimeColumns::new(solution.time);
         self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
-        self.total.add(&row.health, solution.prediction());
+        self.total.add(&row.health, solution);
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -165,6 +174,7 @@ impl Rows {
         }
         t.integer(whole(health.saturated));
         t.integer(whole(health.unusable));
+        t.integer(whole(health.repeated));
         t.real(Some(health.without_samples_s), 3);
         t.text(row.solution.prediction().map_or("", PredictionRole::word));
         t.text(&events::in_one_field(&row.events));
@@ -211,23 +221,26 @@ impl Rows {
             "attitudes: {} used, {} rejected; longest time without one {:.1} s",
             total.attitudes_used, total.attitudes_rejected, total.longest_coasting_s
         ));
+        if total.velocities_used + total.velocities_rejected > 0 {
+            lines.push(format!(
+                "velocities: {} used, {} rejected",
+                total.velocities_used, total.velocities_rejected
+            ));
+        }
         if self.is_predicted {
             lines.push(format!(
                 "the prediction decided on the integers of {} and refused {} fixes",
                 total.fixed_by_prediction, total.refused_by_prediction
             ));
         }
-        let refused = total.attitudes_rejected + total.refused_by_prediction;
-        if 4 * refused > total.attitudes_used {
-            lines.push(
-                "many attitudes were rejected: are unit, mounting and time of the sensor right?"
-                    .to_owned(),
-            );
-        }
-        lines.extend(events::left_out(total.saturated, total.unusable, total.too_late));
-        if total.without_samples_s > 0.0 {
-            lines.push(format!("{:.1} s without samples were bridged", total.without_samples_s));
-        }
+        lines.extend(total.contradictions());
+        lines.extend(events::left_out([
+            ("saturated", total.saturated),
+            ("not a number", total.unusable),
+            ("with the time of the one before", total.repeated),
+            ("too late", total.too_late),
+        ]));
+        lines.extend(total.without_samples());
         lines.extend(self.filtered_agreement.text("filter"));
         lines.extend(self.smoothed_agreement.text("smoothed"));
         lines.join("\n")
@@ -235,7 +248,9 @@ impl Rows {
 }
 
 impl Total {
-    fn add(&mut self, health: &CoastingHealth, prediction: Option<PredictionRole>) {
+    fn add(&mut self, health: &CoastingHealth, row: &EpochSolution) {
+        let prediction = row.prediction();
+        self.run = Some([self.run.map_or(row.time, |[first, _]| first), row.time]);
         self.attitudes_used += health.attitude.used / 3;
         self.attitudes_rejected += health.attitude.rejected / 3;
         self.attitude_nis += health.attitude.nis;
@@ -246,16 +261,66 @@ impl Total {
         self.refused_by_prediction += usize::from(prediction == Some(PredictionRole::Refused));
         self.saturated += health.saturated;
         self.unusable += health.unusable;
+        self.repeated += health.repeated;
         self.without_samples_s += health.without_samples_s;
         self.longest_coasting_s = self.longest_coasting_s.max(health.coasting_s);
     }
 
+    /// Lines for the terminal: where antennas and sensor do not fit each other as well as they should.
+    fn contradictions(&self) -> Vec<String> {
+        let refused = self.attitudes_rejected + self.refused_by_prediction;
+        let attitudes = ("attitudes", self.attitudes_used, refused, self.attitude_nis);
+        let (used, rejected) = (self.velocities_used, self.velocities_rejected);
+        let velocities = ("velocities", used, rejected, self.velocity_nis);
+        let line = |(what, used, rejected, nis): (&str, usize, usize, f64)| {
+            if 4 * rejected > used {
+                return Some(format!(
+                    "many {what} were rejected: are unit, mounting and time of the sensor right?"
+                ));
+            }
+            let mean = mean_nis(nis, used).filter(|mean| *mean > largest_mean_nis(used))?;
+            Some(format!(
+                "the {what} are further from the prediction than is expected (mean square {mean:.1} times): \
+                 mounting (imu.mounting_sd_deg), time or noise of the sensor, or the antennas' standard \
+                 deviations, are not as stated, and those of the result are too small"
+            ))
+        };
+        [attitudes, velocities].into_iter().filter_map(line).collect()
+    }
+
+    /// A line for the terminal, if samples are missing.
+    fn without_samples(&self) -> Option<String> {
+        let length_s = self.run.map_or(0.0, |[first, last]| last - first);
+        let share = self.without_samples_s / length_s;
+        let bridged = format!("{:.1} s without samples were bridged", self.without_samples_s);
+        if share > MANY_WITHOUT_SAMPLES {
+            let percent = 100.0 * share;
+            return Some(format!(
+                "{bridged}, {percent:.0} % of the run: nothing says how the body turned in them; are rows of the \
+                 sensor missing, or its times not those of the antennas?"
+            ));
+        }
+        (self.without_samples_s > 0.0).then_some(bridged)
+    }
+
     fn with_means(self) -> Self {
-        let mean = |sum: f64, count: usize| (count > 0).then(|| sum / (3 * count) as f64);
         Self {
-            attitude_mean_nis: mean(self.attitude_nis, self.attitudes_used),
-            velocity_mean_nis: mean(self.velocity_nis, self.velocities_used),
+            attitude_mean_nis: mean_nis(self.attitude_nis, self.attitudes_used),
+            velocity_mean_nis: mean_nis(self.velocity_nis, self.velocities_used),
             ..self
         }
     }
+}
+
+/// Of a component; 1 for noise as stated.
+fn mean_nis(sum: f64, count: usize) -> Option<f64> {
+    (count > 0).then(|| sum / (3 * count) as f64)
+}
+
+/// More than a third above what is expected, and more than chance leaves of three components each: the
+/// mean square of n of them is 1 ± √(2/n).
+fn largest_mean_nis(count: usize) -> f64 {
+    const SIGMAS: f64 = 4.0;
+    let by_chance = 1.0 + SIGMAS * (2.0 / (3 * count) as f64).sqrt();
+    by_chance.max(4.0 / 3.0)
 }

@@ -18,14 +18,19 @@ use crate::text_file::TextFile;
 const LISTED_DAMAGE: usize = 20;
 /// The summary has means: of a single row not more than this share is the installation's.
 const MAX_INSTALLATION: f64 = 0.99;
+/// Angles and their standard deviations.
+const ANGLES: [(&str, &str); 3] =
+    [("heading_deg", "heading_sd_deg"), ("pitch_deg", "pitch_sd_deg"), ("roll_deg", "roll_sd_deg")];
 
 /// The rows in the order of the file, and what could not be used.
 pub(super) fn read(path: &Path) -> anyhow::Result<(Vec<EpochSolution>, Vec<Damage>)> {
     let name = path.display();
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(TextFile::open(path)?);
     let header = reader.headers().with_context(|| format!("{name}:1"))?.clone();
-    for needed in ["gps_week", "tow_s", "status", "heading_deg", "heading_sd_deg"] {
-        if !header.iter().any(|column| column == needed) {
+    let has = |wanted: &str| header.iter().any(|column| column == wanted);
+    let sds = ANGLES.iter().filter(|(angle, _)| has(angle)).map(|(_, sd)| *sd);
+    for needed in ["gps_week", "tow_s", "status", "heading_deg"].into_iter().chain(sds) {
+        if !has(needed) {
             bail!("{name}:1: no column `{needed}`: attitude.csv of kurs solve is expected");
         }
     }
@@ -129,17 +134,18 @@ impl Fields<'_> {
 
     fn attitude(&self) -> Result<AttitudeEstimate, String> {
         let angle = |name: &str| Ok::<_, String>(self.number(name)?.map(f64::to_radians));
-        let [heading_rad, pitch_rad, roll_rad] =
-            [angle("heading_deg")?, angle("pitch_deg")?, angle("roll_deg")?];
+        let mut angles_rad = [None; 3];
         let mut covariance_deg2 = Matrix3::zeros();
-        for (k, name) in ["heading_sd_deg", "pitch_sd_deg", "roll_sd_deg"].iter().enumerate() {
-            let sd_deg = self.number(name)?.filter(|sd| *sd > 0.0);
-            if sd_deg.is_none() && [heading_rad, pitch_rad, roll_rad][k].is_some() {
-                let found = self.text(name);
-                return Err(format!("{name}: `{found}` found beside an angle, expected above 0"));
+        for (k, (name, sd_name)) in ANGLES.into_iter().enumerate() {
+            angles_rad[k] = angle(name)?;
+            let sd_deg = self.number(sd_name)?.unwrap_or(0.0);
+            // An angle of which nothing is known but itself would count as exact.
+            if angles_rad[k].is_some() && sd_deg <= 0.0 {
+                return Err(self.not_as(sd_name, "a standard deviation above 0"));
             }
-            covariance_deg2[(k, k)] = sd_deg.unwrap_or(0.0).powi(2);
+            covariance_deg2[(k, k)] = sd_deg.powi(2);
         }
+        let [heading_rad, pitch_rad, roll_rad] = angles_rad;
         for (i, j, name) in [(0, 1, "cov_hp_deg2"), (0, 2, "cov_hr_deg2"), (1, 2, "cov_pr_deg2")] {
             let value = self.number(name)?.unwrap_or(0.0);
             covariance_deg2[(i, j)] = value;
@@ -176,8 +182,11 @@ impl Fields<'_> {
         else {
             return Ok(None);
         };
-        if latitude_deg.abs() > 90.0 || longitude_deg.abs() > 360.0 {
-            return Err(format!("no place: latitude {latitude_deg}, longitude {longitude_deg}"));
+        if !(-90.0..=90.0).contains(&latitude_deg) {
+            return Err(self.not_as("latitude_deg", "-90 to 90"));
+        }
+        if !(-360.0..=360.0).contains(&longitude_deg) {
+            return Err(self.not_as("longitude_deg", "-360 to 360"));
         }
         let geodetic = Geodetic::from_degrees(latitude_deg, longitude_deg, height_m);
         let mut covariance_m2 = Matrix3::zeros();
@@ -215,6 +224,10 @@ impl Fields<'_> {
     fn text(&self, name: &str) -> &str {
         let place = self.header.iter().position(|column| column == name);
         place.and_then(|place| self.record.get(place)).unwrap_or_default().trim()
+    }
+
+    fn not_as(&self, name: &str, expected: &str) -> String {
+        format!("{name}: `{}` found, {expected} expected", self.text(name))
     }
 
     fn wrong(&self, name: &str) -> String {

@@ -190,7 +190,11 @@ fn text(summary: &Summary, filter: &FilterSummary, agreement: &Agreement) -> Str
         let nis = tally.mean_nis.map_or_else(String::new, |nis| format!(", mean NIS {nis:.3}"));
         lines.push(format!("{name}: {} used, {} rejected{nis}", tally.used, tally.rejected));
     }
-    lines.extend(events::left_out(filter.saturated, filter.unusable, filter.too_late));
+    lines.extend(events::left_out([
+        ("saturated", filter.saturated),
+        ("not a number", filter.unusable),
+        ("too late", filter.too_late),
+    ]));
     lines.extend(agreement.text("filter"));
     lines.join("\n")
 }

@@ -244,6 +244,7 @@ fn session_settings() -> AttitudeSessionSettings {
             accelerometer_noise: 0.002,
             accelerometer_bias_sd_mps2: 0.05,
             accelerometer_bias_walk: 0.01 / 60.0,
+            mounting_sd_rad: 0.0,
             unknown_acceleration: 1.0,
             gate: Gate::Innovation { sigmas: 5.0 },
         },

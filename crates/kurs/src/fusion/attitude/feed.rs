@@ -212,6 +212,7 @@ mod tests {
             accelerometer_noise: 1e-3,
             accelerometer_bias_sd_mps2: 0.02,
             accelerometer_bias_walk: 1e-5,
+            mounting_sd_rad: 0.0,
             unknown_acceleration: 1.0,
             gate: Gate::Innovation { sigmas: 5.0 },
         };

@@ -23,8 +23,10 @@ const VELOCITY: usize = 6;
 const ACCELEROMETER_BIAS: usize = 9;
 /// How much the body may turn where no gyro says it, rad/√s.
 const UNKNOWN_TURNING: f64 = 1.0;
-/// Number of states.
-pub const STATES: usize = 12;
+/// Error of the sensor's mounting, body axes: the last states, left out where the mounting is exact.
+const MOUNTING: usize = 12;
+/// Number of states with all of them.
+pub const STATES: usize = 15;
 
 /// Quality of the inertial sensors and of the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +43,8 @@ pub struct InertialSettings {
     pub accelerometer_bias_sd_mps2: f64,
     /// Random walk of the bias, (m/s²)/√s.
     pub accelerometer_bias_walk: f64,
+    /// Constant error of the sensor's mounting on each axis, 1 σ; 0: exact.
+    pub mounting_sd_rad: f64,
     /// How much the body accelerates where no accelerometer says it, (m/s²)/√Hz.
     pub unknown_acceleration: f64,
     /// Which corrections are refused.
@@ -88,6 +92,8 @@ pub struct Nominal {
     pub velocity_mps: Vector3<f64>,
     /// Body axes, m/s².
     pub accelerometer_bias_mps2: Vector3<f64>,
+    /// Body from the axes in which the samples are given.
+    pub mounting: UnitQuaternion<f64>,
 }
 
 /// What became of the measurements of one instant, by their components.
@@ -129,10 +135,11 @@ struct Step {
     turn_back: Matrix3<f64>,
     velocity_by_attitude: Matrix3<f64>,
     velocity_by_bias: Matrix3<f64>,
+    attitude_by_mounting: Matrix3<f64>,
 }
 
 impl Nominal {
-    /// Moved by an error state: attitude, gyro bias, velocity, accelerometer bias.
+    /// Moved by an error state: attitude, gyro bias, velocity, accelerometer bias, mounting if it has that.
     #[must_use]
     pub fn moved(&self, error: &[f64]) -> Self {
         let part = |start: usize| Vector3::new(error[start], error[start + 1], error[start + 2]);
@@ -141,6 +148,10 @@ impl Nominal {
             gyro_bias_radps: self.gyro_bias_radps + part(GYRO_BIAS),
             velocity_mps: self.velocity_mps + part(VELOCITY),
             accelerometer_bias_mps2: self.accelerometer_bias_mps2 + part(ACCELEROMETER_BIAS),
+            mounting: match error.len() {
+                STATES => UnitQuaternion::from_scaled_axis(part(MOUNTING)) * self.mounting,
+                _ => self.mounting,
+            },
         }
     }
 
@@ -153,6 +164,7 @@ impl Nominal {
             self.gyro_bias_radps - from.gyro_bias_radps,
             self.velocity_mps - from.velocity_mps,
             self.accelerometer_bias_mps2 - from.accelerometer_bias_mps2,
+            (self.mounting * from.mounting.inverse()).scaled_axis(),
         ];
         for (block, part) in error.chunks_exact_mut(3).zip(parts) {
             block.copy_from_slice(part.as_slice());
@@ -174,8 +186,10 @@ impl AttitudeFilter {
     ) -> Self {
         let mut sd = [0.0; STATES];
         sd[GYRO_BIAS..VELOCITY].fill(settings.gyro_bias_sd_radps);
-        sd[ACCELEROMETER_BIAS..].fill(settings.accelerometer_bias_sd_mps2);
-        let mut estimate = Estimate::new(&sd);
+        sd[ACCELEROMETER_BIAS..MOUNTING].fill(settings.accelerometer_bias_sd_mps2);
+        sd[MOUNTING..].fill(settings.mounting_sd_rad);
+        let states = if settings.mounting_sd_rad > 0.0 { STATES } else { MOUNTING };
+        let mut estimate = Estimate::new(&sd[..states]);
         for (start, block) in [(ATTITUDE, attitude.covariance), (VELOCITY, velocity.covariance)] {
             estimate.covariance.fixed_view_mut::<3, 3>(start, start).copy_from(&block);
         }
@@ -188,9 +202,10 @@ impl AttitudeFilter {
                 gyro_bias_radps: Vector3::zeros(),
                 velocity_mps: velocity.velocity_mps.xyz(),
                 accelerometer_bias_mps2: Vector3::zeros(),
+                mounting: UnitQuaternion::identity(),
             },
             estimate,
-            transition: identity(),
+            transition: identity(states),
             place: Place::at(place),
             batch: Batch::default(),
         }
@@ -207,6 +222,20 @@ impl AttitudeFilter {
     ///
     /// [`FilterError::TimeGoesBack`] or [`FilterError::Gap`]; nothing is changed then.
     pub fn integrate(&mut self, sample: &InertialSample) -> Result<(), FilterError> {
+        self.bridge(sample, [0.0; 2])
+    }
+
+    /// As [`Self::integrate`], over a time in which the sample only stands for others: rate and force are
+    /// less sure by these noise densities, rad/√s and (m/s²)/√Hz.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::integrate`].
+    pub fn bridge(
+        &mut self,
+        sample: &InertialSample,
+        more_noise: [f64; 2],
+    ) -> Result<(), FilterError> {
         let seconds = sample.time_s - self.time_s;
         if seconds > LONGEST_GAP_S {
             return Err(FilterError::Gap { gap_s: seconds });
@@ -215,14 +244,16 @@ impl AttitudeFilter {
             return Err(FilterError::TimeGoesBack { from_s: self.time_s, to_s: sample.time_s });
         }
         let finite_rate = sample.rate_radps.is_finite();
-        let rate = if finite_rate { sample.rate_radps.xyz() } else { Vector3::zeros() };
-        let force = sample.specific_force_mps2.filter(Vector::is_finite).map(|f| f.xyz());
+        let mounting = self.nominal.mounting;
+        let rate = if finite_rate { mounting * sample.rate_radps.xyz() } else { Vector3::zeros() };
+        let force = sample.specific_force_mps2.filter(Vector::is_finite);
+        let force = force.map(|f| mounting * f.xyz());
         let step = self.advance_nominal(seconds, &rate, force);
         self.estimate.propagate(|column| step.apply(column));
-        for column in self.transition.chunks_exact_mut(STATES) {
+        for column in self.transition.chunks_exact_mut(self.estimate.correction.len()) {
             step.apply(column);
         }
-        self.add_noise(seconds, finite_rate, force.is_some());
+        self.add_noise(seconds, finite_rate, force.is_some(), more_noise);
         self.time_s = sample.time_s;
         Ok(())
     }
@@ -234,7 +265,7 @@ impl AttitudeFilter {
         attitude: Option<&MeasuredAttitude>,
         velocity: Option<&MeasuredVelocity>,
     ) -> Corrected {
-        self.batch.begin(STATES);
+        self.batch.begin(self.states());
         let mut corrected = Corrected::default();
         if let Some(measured) = attitude {
             let rotation = Rotation3::from_matrix_unchecked(measured.ned_from_body.matrix());
@@ -309,7 +340,7 @@ impl AttitudeFilter {
         self.estimate.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE).into_owned()
     }
 
-    /// Attitude, velocity and biases.
+    /// Attitude, velocity, biases and mounting.
     #[must_use]
     pub const fn nominal(&self) -> &Nominal {
         &self.nominal
@@ -321,15 +352,22 @@ impl AttitudeFilter {
         self.estimate.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned()
     }
 
-    /// Covariance of the error state: attitude, gyro bias, velocity, accelerometer bias.
+    /// Covariance of the error state: attitude, gyro bias, velocity, accelerometer bias, and mounting if it is
+    /// not exact.
     #[must_use]
     pub const fn covariance(&self) -> &nalgebra::DMatrix<f64> {
         &self.estimate.covariance
     }
 
+    /// Number of error states.
+    pub(super) fn states(&self) -> usize {
+        self.estimate.correction.len()
+    }
+
     /// The transition of the error state since the last call, as columns; starts a new one.
     pub(super) fn take_transition(&mut self) -> Vec<f64> {
-        core::mem::replace(&mut self.transition, identity())
+        let states = self.states();
+        core::mem::replace(&mut self.transition, identity(states))
     }
 
     /// Turns and accelerates the nominal state; returns the linear part for its errors.
@@ -363,13 +401,15 @@ impl AttitudeFilter {
         self.nominal.attitude *= UnitQuaternion::from_scaled_axis(turn);
         self.nominal.attitude.renormalize_fast();
         let turn_back = Rotation3::new(-turn).into_inner();
-        Step { seconds, turn_back, velocity_by_attitude, velocity_by_bias }
+        let attitude_by_mounting = -rate.cross_matrix() * seconds;
+        Step { seconds, turn_back, velocity_by_attitude, velocity_by_bias, attitude_by_mounting }
     }
 
-    fn add_noise(&mut self, seconds: f64, has_rate: bool, has_force: bool) {
+    fn add_noise(&mut self, seconds: f64, has_rate: bool, has_force: bool, more: [f64; 2]) {
         let s = &self.settings;
-        let gyro_noise = if has_rate { s.gyro_noise } else { UNKNOWN_TURNING };
-        let velocity_noise = if has_force { s.accelerometer_noise } else { s.unknown_acceleration };
+        let gyro_noise = if has_rate { s.gyro_noise.hypot(more[0]) } else { UNKNOWN_TURNING };
+        let of_force = s.accelerometer_noise.hypot(more[1]);
+        let velocity_noise = if has_force { of_force } else { s.unknown_acceleration };
         for (start, density) in [
             (ATTITUDE, gyro_noise),
             (GYRO_BIAS, s.gyro_bias_walk),
@@ -411,11 +451,16 @@ impl Step {
             Vector3::new(column[start], column[start + 1], column[start + 2])
         };
         let phi = part(column, ATTITUDE);
-        // φ⁺ = exp[−ω Δt×] φ − δb Δt;  δv⁺ = δv − C [f×] φ Δt − C δb Δt
-        let velocity = part(column, VELOCITY)
+        // φ⁺ = exp[−ω Δt×] φ − δb Δt − [ω×] μ Δt;  δv⁺ = δv − C [f×] (φ + μ) Δt − C δb Δt
+        let mut velocity = part(column, VELOCITY)
             + self.velocity_by_attitude * phi
             + self.velocity_by_bias * part(column, ACCELEROMETER_BIAS);
-        let attitude = self.turn_back * phi - part(column, GYRO_BIAS) * self.seconds;
+        let mut attitude = self.turn_back * phi - part(column, GYRO_BIAS) * self.seconds;
+        if column.len() == STATES {
+            let mounting = part(column, MOUNTING);
+            attitude += self.attitude_by_mounting * mounting;
+            velocity += self.velocity_by_attitude * mounting;
+        }
         column[ATTITUDE..ATTITUDE + 3].copy_from_slice(attitude.as_slice());
         column[VELOCITY..VELOCITY + 3].copy_from_slice(velocity.as_slice());
     }
@@ -426,9 +471,9 @@ fn whitener(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     covariance.cholesky()?.l().try_inverse()
 }
 
-fn identity() -> Vec<f64> {
-    let mut columns = vec![0.0; STATES * STATES];
-    columns.iter_mut().step_by(STATES + 1).for_each(|diagonal| *diagonal = 1.0);
+fn identity(states: usize) -> Vec<f64> {
+    let mut columns = vec![0.0; states * states];
+    columns.iter_mut().step_by(states + 1).for_each(|diagonal| *diagonal = 1.0);
     columns
 }
 
@@ -445,6 +490,7 @@ mod tests {
             accelerometer_noise: 1e-3,
             accelerometer_bias_sd_mps2: 0.02,
             accelerometer_bias_walk: 1e-5,
+            mounting_sd_rad: 0.02,
             unknown_acceleration: 1.0,
             gate: Gate::Innovation { sigmas: 5.0 },
         }
@@ -519,6 +565,57 @@ mod tests {
                 assert!(error < 1e-3, "{row} {state}: {difference}");
             }
         }
+    }
+
+    /// A box that leans by 2°, on a body that turns about the vertical with an attitude each second: its error
+    /// is found, or at least known, and where it is taken to be exact the attitude is off by many sigmas.
+    #[test]
+    fn an_uncertain_mounting_is_found() {
+        let leaning = UnitQuaternion::from_scaled_axis(Vector3::new(0.02, -0.03, 0.0));
+        let off = |mounting_sd_rad: f64| {
+            let place = Geodetic::from_degrees(55.75, 37.62, 200.0);
+            let velocity = MeasuredVelocity {
+                velocity_mps: Vector::new(0.0, 0.0, 0.0),
+                covariance: Matrix3::identity() * 1e-4,
+            };
+            let level = |heading_rad| Attitude { heading_rad, pitch_rad: 0.0, roll_rad: 0.0 };
+            let measured = |heading_rad: f64| MeasuredAttitude {
+                ned_from_body: level(heading_rad).ned_from_body(),
+                covariance: Matrix3::identity() * 1e-5,
+            };
+            let settings = InertialSettings { mounting_sd_rad, gate: Gate::Open, ..settings() };
+            let first = measured(0.0);
+            let mut filter = AttitudeFilter::new(settings, 0.0, &place, &first, &velocity);
+            let turning = Vector3::new(0.0, 0.0, 0.5);
+            for step in 1..=6000 {
+                let time_s = f64::from(step) * 0.01;
+                let middle = measured((time_s - 0.005) * turning.z).ned_from_body;
+                let body_from_ned = middle.matrix().transpose();
+                let rate = turning + body_from_ned * filter.place.earth_rate_ned;
+                let force = body_from_ned * -filter.place.gravity_ned_mps2;
+                let sample = InertialSample {
+                    time_s,
+                    rate_radps: Vector::from_xyz(leaning.inverse() * rate),
+                    specific_force_mps2: Some(Vector::from_xyz(leaning.inverse() * force)),
+                };
+                filter.integrate(&sample).unwrap();
+                if step % 100 == 0 {
+                    filter.correct(Some(&measured(time_s * turning.z)), Some(&velocity));
+                }
+            }
+            let wanted = measured(60.0 * turning.z).ned_from_body;
+            let wanted = Rotation3::from_matrix_unchecked(wanted.matrix());
+            let wanted = UnitQuaternion::from_rotation_matrix(&wanted);
+            let error = (filter.nominal.attitude.inverse() * wanted).scaled_axis();
+            let covariance = filter.attitude_covariance();
+            let square = error.dot(&(covariance.try_inverse().unwrap() * error)) / 3.0;
+            let left = (leaning * filter.nominal.mounting.inverse()).scaled_axis();
+            (square, left.xy().norm())
+        };
+        let (square, left) = off(0.03);
+        assert!(square < 1.0 && left < 0.003, "{square} {left}");
+        let (square, _) = off(0.0);
+        assert!(square > 10.0, "{square}");
     }
 
     #[test]

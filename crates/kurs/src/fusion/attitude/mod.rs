@@ -3,5 +3,6 @@
 
 pub mod feed;
 pub mod filter;
+mod pause;
 pub mod session;
 pub mod smoother;

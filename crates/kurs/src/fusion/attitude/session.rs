@@ -13,6 +13,7 @@ use super::filter::{
     AttitudeFilter, Corrected, InertialSample, InertialSettings, MeasuredAttitude,
     MeasuredVelocity, Nominal,
 };
+use super::pause::{Cadence, NOTHING, Pause};
 use super::smoother::{Recorder, Smoothed};
 use crate::attitude::angles::angles_from_rotation_vector;
 use crate::differential::Differential;
@@ -20,18 +21,11 @@ use crate::engine::PredictedAttitude;
 use crate::frames::{Attitude, Body, Geodetic, Ned, Rotation, Vector};
 use crate::fusion::health::{Event, FilterError, LOCKED_OUT_EPOCHS, Tally};
 use crate::fusion::time_order::{TimeOrder, TooLate};
-use crate::fusion::usual_step::UsualStep;
 use crate::observation::ArrayEpoch;
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::solution::{AttitudeEstimate, EpochSolution, Outcome, PredictionRole, Reason, Status};
 use crate::time::GpsTime;
 
-/// A pause of the samples longer than so many usual steps has lost some of them.
-const LOST_SAMPLES: f64 = 2.5;
-/// The first sample may be the mean over as much as this.
-const LONGEST_FIRST_STEP_S: f64 = 1.0;
-/// How fast the usual step follows the steps.
-const STEP_SHARE: f64 = 0.05;
 /// So many fixes that the antennas found by themselves must have agreed with the prediction, the last one
 /// among them, before it may decide on integers: a filter that began at a wrong fix must not make more.
 const CONFIRMING_FIXES: usize = 5;
@@ -84,6 +78,8 @@ pub struct CoastingHealth {
     pub saturated: usize,
     /// Samples that were no numbers, and attitudes whose covariance says nothing.
     pub unusable: usize,
+    /// Samples with the time of the one before, which are left out.
+    pub repeated: usize,
     /// Time without samples that was bridged.
     pub without_samples_s: f64,
     /// Time since an attitude of the antennas was last used.
@@ -133,7 +129,7 @@ pub struct AttitudeSession {
     week: Option<GpsTime>,
     clock_m: f64,
     place: Option<Geodetic>,
-    usual_step: UsualStep,
+    cadence: Cadence,
     last_sample: Option<(f64, ImuSample)>,
     last_used_s: f64,
     locked_out_epochs: usize,
@@ -164,7 +160,7 @@ impl AttitudeSession {
             ready: VecDeque::new(),
             week: None,
             clock_m: 0.0,
-            usual_step: UsualStep::new(LOST_SAMPLES, STEP_SHARE),
+            cadence: Cadence::default(),
             last_sample: None,
             installation_rad2: Matrix3::zeros(),
             last_used_s: f64::NEG_INFINITY,
@@ -236,13 +232,12 @@ impl AttitudeSession {
             if filter.time_s() >= time_s {
                 break;
             }
-            let last_s = last.map(|(last_s, _)| last_s);
-            let known_from_s = known_from(last_s, at_s, &self.usual_step);
-            carry(&mut filter, at_s.min(time_s), known_from_s, &sample).ok()?;
+            let pause = self.cadence.pause(last, (at_s, sample));
+            carry(&mut filter, at_s.min(time_s), &pause, &sample).ok()?;
             last = Some((at_s, sample));
         }
         let held = self.held(last, time_s);
-        carry(&mut filter, time_s, f64::NEG_INFINITY, &held).ok()?;
+        carry(&mut filter, time_s, &Pause::NONE, &held).ok()?;
         Some(PredictedAttitude {
             ned_from_body: filter.ned_from_body(),
             covariance_rad2: filter.attitude_covariance(),
@@ -301,43 +296,45 @@ impl AttitudeSession {
 
     /// Turns the filter to every row before the sample and corrects it there, then to the sample.
     fn absorb_sample(&mut self, time_s: f64, sample: &ImuSample) {
-        self.note(sample);
-        let last_s = self.last_sample.map(|(last_s, _)| last_s);
-        let known_from_s = known_from(last_s, time_s, &self.usual_step);
-        if let Some(last_s) = last_s {
-            self.usual_step.follow(time_s - last_s);
+        if self.last_sample.is_some_and(|(last_s, _)| time_s <= last_s) {
+            self.health.repeated += 1;
+            return;
         }
-        self.last_sample = Some((time_s, *sample));
+        self.note(sample);
+        let now = (time_s, *sample);
+        let pause = self.cadence.pause(self.last_sample, now);
+        if let Some(last) = self.last_sample.replace(now) {
+            self.cadence.follow(last, now);
+        }
         while self.pending.front().is_some_and(|(row_s, _)| *row_s <= time_s) {
             let Some((row_s, row)) = self.pending.pop_front() else { break };
-            self.advance(row_s, known_from_s, sample);
+            self.advance(row_s, &pause, sample);
             self.correct(row_s, row, sample);
         }
-        self.advance(time_s, known_from_s, sample);
+        self.advance(time_s, &pause, sample);
     }
 
     /// Rows after the last sample: for little more than the usual step its rate is taken to hold.
     fn finish_pending(&mut self) -> Option<()> {
         let (row_s, row) = self.pending.pop_front()?;
         let held = self.held(self.last_sample, row_s);
-        let known_from_s = if held == NOTHING { row_s } else { f64::NEG_INFINITY };
-        self.advance(row_s, known_from_s, &held);
+        let pause = if held == NOTHING { Pause::unknown(row_s) } else { Pause::NONE };
+        self.advance(row_s, &pause, &held);
         self.correct(row_s, row, &held);
         Some(())
     }
 
     /// The last sample for a time after it, or one that says nothing.
     fn held(&self, last: Option<(f64, ImuSample)>, time_s: f64) -> ImuSample {
-        let (sample_s, sample) = last.unwrap_or((f64::NEG_INFINITY, NOTHING));
-        let held_until_s = sample_s + self.usual_step.longest_s().unwrap_or(0.0);
-        if time_s <= held_until_s { sample } else { NOTHING }
+        let held = last.filter(|(last_s, _)| time_s <= self.cadence.held_until_s(*last_s));
+        held.map_or(NOTHING, |(_, sample)| sample)
     }
 
-    /// Integrates to a time: without a rate until `known_from_s`, with that of the sample after it.
-    fn advance(&mut self, time_s: f64, known_from_s: f64, sample: &ImuSample) {
+    /// Integrates to a time: with what is known of the pause until its end, then with the sample.
+    fn advance(&mut self, time_s: f64, pause: &Pause, sample: &ImuSample) {
         let Some(filter) = &mut self.filter else { return };
-        self.health.without_samples_s += (known_from_s.min(time_s) - filter.time_s()).max(0.0);
-        if let Err(error) = carry(filter, time_s, known_from_s, sample) {
+        self.health.without_samples_s += (pause.until_s.min(time_s) - filter.time_s()).max(0.0);
+        if let Err(error) = carry(filter, time_s, pause, sample) {
             self.stop(time_s, Event::Stopped(error));
         }
     }
@@ -640,35 +637,21 @@ impl Known<'_> {
     }
 }
 
-/// A sample that says nothing.
-const NOTHING: ImuSample =
-    ImuSample { rate_radps: None, specific_force_mps2: None, saturated: false };
-
 const UNKNOWN_VELOCITY: MeasuredVelocity = MeasuredVelocity {
     velocity_mps: Vector::new(0.0, 0.0, 0.0),
     covariance: Matrix3::new(1e4, 0.0, 0.0, 0.0, 1e4, 0.0, 0.0, 0.0, 1e4),
 };
 
-/// From when on the sample at a time says how the body turned: since the sample before, or for its
-/// usual step where samples were lost before it.
-fn known_from(last_s: Option<f64>, time_s: f64, usual_step: &UsualStep) -> f64 {
-    match (last_s, usual_step.step_s()) {
-        (None, _) => time_s - LONGEST_FIRST_STEP_S,
-        (Some(last_s), Some(usual_s)) if usual_step.is_pause(time_s - last_s) => time_s - usual_s,
-        _ => f64::NEG_INFINITY,
-    }
-}
-
-/// Integrates a filter to a time: without a rate until `known_from_s`, with that of the sample after it.
+/// Integrates a filter to a time: with what is known of the pause until its end, then with the sample.
 fn carry(
     filter: &mut AttitudeFilter,
     time_s: f64,
-    known_from_s: f64,
+    pause: &Pause,
     sample: &ImuSample,
 ) -> Result<(), FilterError> {
-    let unknown_until_s = known_from_s.min(time_s);
-    if filter.time_s() < unknown_until_s {
-        filter.integrate(&at(unknown_until_s, &NOTHING))?;
+    let until_s = pause.until_s.min(time_s);
+    if filter.time_s() < until_s {
+        filter.bridge(&at(until_s, &pause.sample), pause.noise)?;
     }
     if filter.time_s() < time_s {
         filter.integrate(&at(time_s, sample))?;
@@ -688,23 +671,8 @@ mod tests {
     use crate::frames::EARTH_RATE_RADPS;
     use crate::fusion::kalman::Gate;
 
-    /// A body at rest, north on the equator, with an attitude each second whose noise averages and
-    /// whose installation does not: after a hundred of them the noise is far below one row's, and the
-    /// installation all there.
-    #[test]
-    fn the_installation_does_not_average() {
-        let (noise_rad2, installation_rad2) = (1e-6, 4e-6);
-        let inertial = InertialSettings {
-            gyro_noise: 1e-6,
-            gyro_bias_sd_radps: 1e-6,
-            gyro_bias_walk: 1e-9,
-            accelerometer_noise: 1e-3,
-            accelerometer_bias_sd_mps2: 0.02,
-            accelerometer_bias_walk: 1e-5,
-            unknown_acceleration: 1.0,
-            gate: Gate::Innovation { sigmas: 5.0 },
-        };
-        let mut session = AttitudeSession::new(AttitudeSessionSettings {
+    fn session(inertial: InertialSettings) -> AttitudeSession {
+        AttitudeSession::new(AttitudeSessionSettings {
             inertial,
             use_float: true,
             velocity_sd_mps: None,
@@ -714,7 +682,100 @@ mod tests {
             place: Some(Geodetic::from_degrees(0.0, 0.0, 0.0)),
             order_window_s: 0.0,
             smooth: true,
-        });
+        })
+    }
+
+    fn inertial(gyro_noise: f64) -> InertialSettings {
+        InertialSettings {
+            gyro_noise,
+            gyro_bias_sd_radps: 1e-6,
+            gyro_bias_walk: 1e-9,
+            accelerometer_noise: 1e-3,
+            accelerometer_bias_sd_mps2: 0.02,
+            accelerometer_bias_walk: 1e-5,
+            mounting_sd_rad: 0.0,
+            unknown_acceleration: 1.0,
+            gate: Gate::Innovation { sigmas: 5.0 },
+        }
+    }
+
+    /// Heading north, level, with this covariance.
+    fn fixed(second: f64, covariance_rad2: &Matrix3<f64>) -> EpochSolution {
+        let level = Attitude { heading_rad: 0.0, pitch_rad: 0.0, roll_rad: 0.0 }.ned_from_body();
+        let attitude = AttitudeEstimate::full(level, covariance_rad2);
+        EpochSolution { outcome: Outcome::Fixed { attitude }, ..without(second) }
+    }
+
+    fn without(second: f64) -> EpochSolution {
+        let time = GpsTime::from_week_tow(2300, second).unwrap();
+        EpochSolution::lost(time, Reason::FewAntennas)
+    }
+
+    /// A fix at 0 s, then samples at these times of a body that turns to and fro about the vertical by 0.1 rad
+    /// ten times in a minute; the row at 2 s.
+    fn coasted(times_s: impl IntoIterator<Item = f64>) -> FusedRow {
+        let heading = |time_s: f64| 0.1 * time_s.sin();
+        let mut session = session(inertial(1e-5));
+        session.push_row(fixed(0.0, &(Matrix3::identity() * 1e-8))).unwrap();
+        for time_s in times_s {
+            let yaw = (heading(time_s) - heading(time_s - 0.01)) / 0.01;
+            let (sin, cos) = heading(time_s - 0.005).sin_cos();
+            let [north, east] = [EARTH_RATE_RADPS * cos, -EARTH_RATE_RADPS * sin];
+            let rate_radps = Some(Vector::new(north, east, yaw));
+            session.push_sample(time_s, ImuSample { rate_radps, ..NOTHING }).unwrap();
+        }
+        session.push_row(without(2.0)).unwrap();
+        core::iter::from_fn(|| session.last_row()).last().unwrap()
+    }
+
+    fn heading_error_and_sd_rad(row: &FusedRow) -> [f64; 2] {
+        let attitude = row.solution.attitude().unwrap();
+        let heading_rad = attitude.heading_rad.unwrap();
+        [heading_rad - 0.1 * 2f64.sin(), attitude.covariance_rad2[(0, 0)].sqrt()]
+    }
+
+    /// Loggers write the first line twice, or round times so that two samples have one.
+    #[test]
+    fn a_repeated_time_costs_its_sample_alone() {
+        let each = || (1..=200).map(|k| f64::from(k) * 0.01);
+        for times_s in [
+            each().take(1).chain(each()).collect::<Vec<_>>(),
+            each().flat_map(|time_s| [time_s; 2]).collect(),
+        ] {
+            let row = coasted(times_s.iter().copied());
+            let [error, sd] = heading_error_and_sd_rad(&row);
+            assert!(error.abs() < 1e-4 && sd < 2e-4, "{error} {sd}");
+            assert_eq!(row.health.without_samples_s, 0.0);
+            assert_eq!(row.health.repeated, times_s.len() - 200);
+        }
+    }
+
+    /// A few lost samples leave an error that the standard deviation covers, and no more; half a second of
+    /// them leaves the heading open.
+    #[test]
+    fn lost_samples_are_bridged_as_far_as_the_rate_says() {
+        let lost = |from: u32, count: u32| {
+            let times = (1..=200).filter(move |k| !(from..from + count).contains(k));
+            coasted(times.map(|k| f64::from(k) * 0.01))
+        };
+        for (count, most) in [(2, 2e-4), (8, 1e-3), (19, 5e-3)] {
+            let row = lost(80, count);
+            let [error, sd] = heading_error_and_sd_rad(&row);
+            assert!(error.abs() < 3.0 * sd && sd < most, "{count}: {error} {sd}");
+            let lost_s = f64::from(count) * 0.01;
+            assert!((row.health.without_samples_s - lost_s).abs() < 1e-9);
+        }
+        let [_, sd] = heading_error_and_sd_rad(&lost(80, 50));
+        assert!(sd > 0.5, "{sd}");
+    }
+
+    /// A body at rest, north on the equator, with an attitude each second whose noise averages and
+    /// whose installation does not: after a hundred of them the noise is far below one row's, and the
+    /// installation all there.
+    #[test]
+    fn the_installation_does_not_average() {
+        let (noise_rad2, installation_rad2) = (1e-6, 4e-6);
+        let mut session = session(inertial(1e-6));
         let level = Attitude { heading_rad: 0.0, pitch_rad: 0.0, roll_rad: 0.0 }.ned_from_body();
         let total = Matrix3::identity() * (noise_rad2 + installation_rad2);
         let attitude = AttitudeEstimate::full(level, &total)

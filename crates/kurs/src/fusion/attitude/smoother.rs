@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::filter::{AttitudeFilter, Nominal, STATES};
+use super::filter::{AttitudeFilter, Nominal};
 
 /// A smoothed state.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +54,8 @@ impl Recorder {
         correct: impl FnOnce(&mut AttitudeFilter) -> T,
     ) -> T {
         let predicted = Smoothed::of(filter);
-        let transition = DMatrix::from_vec(STATES, STATES, filter.take_transition());
+        let states = filter.states();
+        let transition = DMatrix::from_vec(states, states, filter.take_transition());
         let result = correct(filter);
         self.records.push(Record { predicted, updated: Smoothed::of(filter), transition });
         result
@@ -84,7 +85,8 @@ fn step_back(updated: &Smoothed, next: &Record, later: &Smoothed) -> Smoothed {
     // G = P Φᵀ (P⁻)⁻¹
     let gain = predicted.solve(&(&next.transition * &updated.covariance)).transpose();
     // x̂ ← x̂ ⊕ G (x̂ₙ ⊖ x̂⁻),  P ← P + G (Pₙ − P⁻) Gᵀ
-    let news = DVector::from_row_slice(&later.nominal.error_from(&next.predicted.nominal));
+    let news = later.nominal.error_from(&next.predicted.nominal);
+    let news = DVector::from_row_slice(&news[..gain.ncols()]);
     let change = &later.covariance - &next.predicted.covariance;
     let covariance = &updated.covariance + &gain * change * gain.transpose();
     Smoothed {
