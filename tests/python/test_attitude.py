@@ -147,8 +147,24 @@ def test_what_has_no_solution_is_an_exception_alone_and_nan_among_many():
     found = attitude.wahba(np.stack([plane, line]), np.stack([plane, line]))
     assert np.isnan(found.matrix[1]).all() and not np.isnan(found.matrix[0]).any()
     assert list(found.errors) == [1]
-    angles = [found.heading_deg, found.pitch_deg, found.roll_deg]
-    assert np.isnan(np.array(angles)[:, 1]).all() and not np.isnan(np.array(angles)[:, 0]).any()
+
+
+def test_a_failed_problem_of_many_has_no_angle():
+    plane = np.array([[1.0, 0, 0], [0, 1.0, 0]])
+    east = np.array([[0, 1.0, 0], [-1.0, 0, 0]])
+    found = attitude.wahba(plane, np.stack([east, east * np.nan, east]))
+    assert list(found.errors) == [1]
+    for name in ("heading_deg", "pitch_deg", "roll_deg", "heading_sd_deg", "cost"):
+        assert np.isnan(getattr(found, name)[1]), name
+    assert found.heading_deg[[0, 2]].tolist() == pytest.approx([90, 90])
+    assert np.isnan(found.quat_wxyz[1]).all()
+    scipy = found.to_scipy()
+    assert len(scipy) == 3 and np.isnan(scipy.as_matrix()[1]).all()
+    assert np.allclose(scipy.as_matrix()[[0, 2]], found.matrix[[0, 2]], atol=1e-15)
+    for pair, side in (((found, found), "first"), ((attitude.wahba(plane, east), found), "second")):
+        relative = attitude.relative(*pair)
+        assert list(relative.errors) == [1] and relative.errors[1] == f"{side}: {found.errors[1]}"
+        assert np.isnan(relative.heading_deg).tolist() == [False, True, False]
 
 
 def test_shapes_are_told():
@@ -158,6 +174,60 @@ def test_shapes_are_told():
         attitude.wahba(np.zeros((2, 4, 3)), np.zeros((3, 4, 3)))
     with pytest.raises(ValueError, match="no rotation"):
         attitude.angles(2 * np.eye(3))
+
+
+def test_counts_that_do_not_belong_together_are_told():
+    plane, cube = np.eye(3)[:2], np.eye(3)
+    rows = r"local has the shape \[3, 3\], expected 2 rows, one for each row of body"
+    # Of many problems, too, where it is the same for all.
+    for body in (plane, np.stack([plane, plane])):
+        with pytest.raises(ValueError, match=rows):
+            attitude.wahba(body, cube)
+        with pytest.raises(ValueError, match=rows):
+            attitude.weighted(body, cube, cube)
+        with pytest.raises(ValueError, match=rows):
+            attitude.general(body, cube, np.eye(6))
+        for weights in ([1.0], [1.0, 2, 3]):
+            with pytest.raises(ValueError, match="weights has the shape .*, expected 2 numbers"):
+                attitude.wahba(body, plane, weights)
+        with pytest.raises(ValueError, match=r"weights\[1\] is -1, expected 0 or more"):
+            attitude.wahba(body, plane, [1, -1])
+        with pytest.raises(ValueError, match=r"sigma_m has the shape \[2\], expected 3 numbers for each band"):
+            attitude.from_phases(body, cube, [1, 1], np.zeros((2, 2)))
+        with pytest.raises(ValueError, match=r"phases_m has the shape \[3, 3\], expected 2 rows .* and 3 columns"):
+            attitude.from_phases(body, cube, [1, 1, 1], np.zeros((3, 3)))
+        with pytest.raises(ValueError, match=r"sigma_m\[2\] is 0, expected a number above zero"):
+            attitude.from_phases(body, cube, [1, 1, 0], np.zeros((2, 3)))
+    many = np.stack([plane, plane])
+    for function, size in ((attitude.weighted, 3), (attitude.general, 6)):
+        with pytest.raises(ValueError, match="cov_m2 is not positive definite, and the same for all problems"):
+            function(many, many, -np.eye(size))
+        with pytest.raises(ValueError, match="^cov_m2 is not symmetric: "):
+            function(plane, plane, np.eye(size) + np.eye(size, k=1))
+        # Symmetric for single precision.
+        function(plane, plane, np.eye(size) + 1e-8 * np.eye(size, k=1))
+
+
+def test_what_is_no_number_is_refused_by_name():
+    body = np.eye(3)
+    masked = np.ma.masked_equal(np.array([[1.0, 0, 0], [0, 1, 0], [-9, -9, -9]]), -9)
+    for local in (masked, masked.astype(int), [body[0], body[1], masked[2]]):
+        with pytest.raises(ValueError, match="^local has masked values, expected real numbers, NaN for a missing one"):
+            attitude.wahba(body, local)
+    found = attitude.wahba(body, np.ma.masked_equal(body, -9))
+    assert np.array_equal(found.matrix, body)
+    with pytest.raises(ValueError, match="^body has complex numbers, expected real numbers"):
+        attitude.wahba(body + 1j, body)
+    for times in (np.zeros((3, 3), "datetime64[s]"), np.zeros((3, 3), "timedelta64[s]")):
+        with pytest.raises(ValueError, match="^body has instants or times, expected real numbers"):
+            attitude.wahba(times, body)
+    for same in (body.astype("f4"), body.astype(int), body.astype(bool), body.astype(object), body.astype(">f8"), body.tolist()):
+        assert np.array_equal(attitude.wahba(same, body).matrix, body)
+
+
+def test_truth_of_attitudes():
+    assert attitude.angles(np.eye(3)) and attitude.angles(np.eye(3)[None])
+    assert not attitude.angles(np.zeros((0, 3, 3)))
 
 
 def test_any_layout_and_lists():

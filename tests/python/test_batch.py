@@ -4,7 +4,9 @@ import csv
 import json
 import signal
 import subprocess
+import sys
 import time
+import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import kurs
@@ -175,6 +177,87 @@ def test_files_of_other_file_systems(manifest, tmp_path):
     assert table["status"].tolist() == ["done"]
 
 
+@pytest.mark.parametrize("has_executor", [False, True])
+def test_manifests_that_spreadsheets_write(manifest, tmp_path, has_executor):
+    path = tmp_path / "manifest.csv"
+    config = manifest.parent / "day0/kurs.toml"
+
+    def run(content, encoding="utf-8"):
+        path.write_text(content, encoding=encoding)
+        if has_executor:
+            with ThreadPoolExecutor(1) as executor:
+                return batch.run(path, out=tmp_path / "out", executor=executor)
+        return batch.run(path, out=tmp_path / "out")
+
+    assert run(f"label,config\none,{config}\n", "utf-8-sig")["status"].tolist() == ["done"]
+    assert run(f'# days\nlabel,config\n"two\n#lines",{config}\n\n')["label"].tolist() == ["two\n#lines"]
+    with pytest.raises(kurs.UsageError, match="manifest.csv: session 2 has 3 fields, expected 2 as in the header"):
+        run(f"label,config\none,{config}\ntwo,{config},\n")
+    with pytest.raises(kurs.UsageError, match="manifest.csv: not UTF-8: "):
+        run(f"label,config\nMünchen,{config}\n", "latin-1")
+    for content in ("", "config\na.toml\n", "label,config\n"):
+        with pytest.raises(kurs.UsageError, match="manifest.csv: no sessions with a `label`"):
+            run(content)
+
+
+def test_monte_carlo_of_two_configurations_are_two_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    short, long = (batch.monte_carlo("roof-static", 1, duration_s=duration_s) for duration_s in (3, 5))
+    assert short.summary(0)["epochs"] < long.summary(0)["epochs"]
+    assert short.attitude(0).rows < long.attitude(0).rows
+    made = (short.folder / "run=000000/run.json").stat().st_mtime_ns
+    again = batch.monte_carlo("roof-static", 1, duration_s=3)
+    assert again.folder == short.folder and (again.folder / "run=000000/run.json").stat().st_mtime_ns == made
+
+
+RECORDED = """
+seed = 5
+start = "2024-03-09T12:00:00"
+duration_s = 5.0
+interval_s = 1.0
+signals = ["G1C", "E1C"]
+[sky]
+navigation = "nav.rnx"
+[[body]]
+name = "car"
+motion = { kind = "recorded", file = "motion.csv" }
+[[body.antenna]]
+name = "A0"
+position_m = [0.0, 0.0, 0.0]
+[[body.antenna]]
+name = "A1"
+position_m = [1.2, 0.0, 0.0]
+"""
+
+
+def test_paths_of_scenarios_start_where_they_are_written(tmp_path, monkeypatch):
+    folder = tmp_path / "scenario"
+    made = kurs.simulate("roof-static", tmp_path / "sky", start="2024-03-09T12:00:00", duration_s=5).parent
+    folder.mkdir()
+    (nav,) = (made / name for name in tomllib.loads((made / "kurs.toml").read_text())["nav"]["files"])
+    (folder / "nav.rnx").write_bytes(nav.read_bytes())
+    head = "time_s,latitude_deg,longitude_deg,height_m,heading_deg,pitch_deg,roll_deg"
+    rows = [f"{second},55.75,37.62,200,{second},0,0" for second in range(-2, 9)]
+    (folder / "motion.csv").write_text("\n".join([head, *rows, ""]))
+    (folder / "scenario.toml").write_text(RECORDED)
+    monkeypatch.chdir(tmp_path)
+    kurs.simulate("scenario/scenario.toml", "of_file")
+    runs = batch.monte_carlo("scenario/scenario.toml", 1)
+    assert runs.attitude(0).rows > 0
+    assert batch.monte_carlo("scenario/scenario.toml", 1, sky__navigation="nav.rnx").attitude(0).rows > 0
+    monkeypatch.chdir(folder)
+    tables = tomllib.loads(RECORDED)
+    found = kurs.simulate(tables, tmp_path / "of_tables")
+    observations = sorted(path.name for path in found.parent.glob("*.rnx"))
+    assert observations
+    for name in observations:
+        assert (found.parent / name).read_bytes() == (tmp_path / "of_file" / name).read_bytes()
+    # An override of a dictionary is where its paths are.
+    del tables["sky"]["navigation"]
+    kurs.simulate(tables, tmp_path / "of_override", sky__navigation="nav.rnx")
+    assert batch.monte_carlo(tables, 1, out=tmp_path / "mc", sky__navigation="nav.rnx").attitude(0).rows > 0
+
+
 def test_monte_carlo(tmp_path):
     tables = []
     for place, executor in (("a", None), ("b", ProcessPoolExecutor(2))):
@@ -184,10 +267,6 @@ def test_monte_carlo(tmp_path):
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*tables, strict=True))
     assert not np.array_equal(tables[0][0], tables[0][1], equal_nan=True)
     assert batch.seed_of("x", 1) == batch.seed_of("x", 1) != batch.seed_of("x", 2)
-    before = batch.monte_carlo("roof-static", 1, out=tmp_path / "one", duration_s=10)
-    batch.monte_carlo("roof-static", 1, out=tmp_path / "one", duration_s=5)
-    with pytest.raises(RuntimeError, match="holds the runs of another configuration by now"):
-        before.attitude(0)
     with pytest.raises(ValueError, match="runs is -1, expected 0 or more"):
         batch.monte_carlo("roof-static", -1, out=tmp_path)
 
@@ -210,7 +289,37 @@ except KeyboardInterrupt:
     ended.set()
     print("ended", kurs.solve({str(manifest.parent / 'day0/kurs.toml')!r}).summary["interrupted"])
 """
-    import sys
-
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "ended False\n", done.stderr
+
+
+def test_ctrl_c_leaves_no_short_solution_in_another_thread(manifest):
+    code = f"""
+import os, signal, threading, kurs
+signal.signal(signal.SIGINT, signal.default_int_handler)
+config = {str(manifest.parent / 'day0/kurs.toml')!r}
+epochs = [kurs.solve(config).summary["epochs"]]
+ended = threading.Event()
+def press():
+    while not ended.wait(0.3):
+        os.kill(os.getpid(), signal.SIGINT)
+def other():
+    try:
+        while not ended.is_set():
+            epochs.append(kurs.solve(config).summary["epochs"])
+    except KeyboardInterrupt as error:
+        assert "in the main thread" in str(error)
+thread = threading.Thread(target=other)
+thread.start()
+threading.Thread(target=press, daemon=True).start()
+try:
+    while True:
+        kurs.solve(config)
+except KeyboardInterrupt:
+    ended.set()
+thread.join()
+print(len(set(epochs)))
+"""
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+        assert done.stdout == "1\n" and not done.stderr, done.stderr

@@ -4,10 +4,12 @@ import csv
 import multiprocessing
 import os
 import pickle
+import re
 import subprocess
 import sys
 import tomllib
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import kurs
 import numpy as np
@@ -88,6 +90,24 @@ def test_errors_have_the_words_of_the_command_line(simulated, tmp_path):
     with pytest.raises(kurs.UsageError, match="elevation_mask_deg is NaN, expected -5 to 89"):
         kurs.solve(simulated / "kurs.toml", elevation_mask_deg=np.nan)
     assert kurs.solve(simulated / "kurs.toml", bands=None).summary["fixed"] > 90
+    for wrong in (lambda: kurs.solve(simulated / "kurs.toml", bands=["G1", None]), lambda: kurs.solve({"solve": {"bands": [None]}})):
+        with pytest.raises(kurs.UsageError, match="bands has None in a list, expected values"):
+            wrong()
+
+
+def test_paths_of_overrides_start_where_those_of_the_configuration_do(simulated, monkeypatch):
+    config = tomllib.loads((simulated / "kurs.toml").read_text())
+    (nav,) = config["nav"]["files"]
+    wanted = kurs.solve(simulated / "kurs.toml", nav__files=[nav]).summary["fixed"]
+    monkeypatch.chdir(simulated)
+    for files in ([nav], np.array([nav]), (Path(nav),)):
+        assert kurs.solve(config, nav__files=files).summary["fixed"] == wanted > 90
+
+
+def test_texts_of_overrides_are_what_they_are(simulated):
+    for name in ("😀 nav", 'a"b\\c\n', "\x7f", "\u2028"):
+        with pytest.raises(kurs.InputError, match=f"{re.escape(name)}: No such file"):
+            kurs.solve(simulated / "kurs.toml", nav__files=[name])
 
 
 def test_files_that_cannot_be_inspected_are_an_exception(simulated, capfd):

@@ -45,6 +45,18 @@ def live(config, out, tables=("attitude", "baselines")):
     return merged
 
 
+def test_names_may_hold_any_character(simulated):
+    names = ["A\u2028B", 'C", \x85']
+    engine = kurs.Engine({"antenna": [{"name": name, "position_m": [1.2 * i, 0, 0]} for i, name in enumerate(names)]})
+    rows = []
+    for i, name in enumerate(names):
+        rows += engine.push_bytes(name, (simulated / f"A{i}.ubx").read_bytes())
+    rows += engine.flush()
+    assert len(rows) == 101
+    pairs = {(row["base"], row["rover"]) for of in rows for row in of["baselines"]}
+    assert pairs == {tuple(names)}
+
+
 @pytest.mark.parametrize("ending", ["ubx", "sbf"])
 def test_bytes_give_the_rows_of_live(simulated, tmp_path, ending):
     config = tmp_path / "live.toml"

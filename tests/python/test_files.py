@@ -1,6 +1,8 @@
 """Files against georinex."""
 
+import datetime
 import pickle
+import sys
 import warnings
 
 import kurs
@@ -50,11 +52,51 @@ def test_filters(recordings):
     assert np.array_equal(np.unique(some["time_gpst"]), times[10:20])
     with pytest.raises(kurs.InputError, match="cannot|No such|not"):
         kurs.read_obs("/no/such/file")
-    from_ten = kurs.read_obs(file, time=(times[10], None))
-    assert from_ten["time_gpst"].min() == times[10] and from_ten["time_gpst"].max() == times[-1]
-    for wrong in [(np.datetime64("NaT"), None), ("9999-12-31", None), (times[10],)]:
-        with pytest.raises(ValueError, match="time"):
+
+
+def test_time_with_open_ends_and_without_sense(simulated):
+    file = simulated / "A0.rnx"
+    whole = kurs.read_obs(file)
+    times = np.unique(whole["time_gpst"])
+    for time in ((None, None), (None, times[-1]), (times[0], None), ["2024-03-09", None], times[[0, -1]]):
+        assert kurs.read_obs(file, time=time).rows == whole.rows
+    late = kurs.read_obs(file, time=("2024-03-10", None))
+    assert late.rows == (whole["time_gpst"] >= np.datetime64("2024-03-10")).sum() > 0
+    assert kurs.read_obs(file, time=(int(times[50].astype(np.int64)), None))["time_gpst"].min() == times[50]
+    zone = datetime.timezone(datetime.timedelta(hours=3))
+    for wrong, words in (
+        (("2024-03-10", "9999-12-31"), "'9999-12-31', expected an instant from 1678 to 2261"),
+        (("2024-03-10", "NaT"), "'NaT', expected an instant, or None"),
+        ((np.datetime64("NaT"), None), "expected an instant, or None"),
+        (("2024-03-10T00:00:00Z", None), "expected an instant without a zone"),
+        (("2024-03-10 00:00+03:00", None), "expected an instant without a zone"),
+        ((datetime.datetime(2024, 3, 10, tzinfo=zone), None), "expected an instant without a zone"),
+    ):
+        with pytest.raises(ValueError, match=f"time has .*{words}"):
             kurs.read_obs(file, time=wrong)
+    for wrong in ((), ("2024-03-10",), ("2024-03-10", None, None), "2024-03-10"):
+        with pytest.raises(ValueError, match="time is .*, expected two instants"):
+            kurs.read_obs(file, time=wrong)
+
+
+def test_what_is_no_path_is_refused(simulated):
+    for call in (kurs.read_obs, kurs.read_nav):
+        for wrong in (b"A0.rnx", [b"A0.rnx"], [simulated / "A0.rnx", 3]):
+            with pytest.raises(TypeError, match="the path is .*, expected a text or an object of a path"):
+                call(wrong)
+    with pytest.raises(TypeError, match="nav is 'nav.rnx', expected what read_nav gives"):
+        kurs.point.solve(simulated / "A0.rnx", "nav.rnx")
+
+
+def test_observations_go_through_nanoarrow_where_there_is_no_pyarrow(simulated, monkeypatch):
+    na = pytest.importorskip("nanoarrow")
+    table = kurs.read_obs(simulated / "A0.rnx")
+    # Values of which a wrong width would show.
+    table._columns["lock"] = (np.arange(table.rows) % 7).astype(np.uint8)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    rows = na.Array(na.c_array_stream(table)).to_pylist()
+    assert [row["lock"] for row in rows] == table["lock"].tolist()
+    assert [row["signal"] for row in rows] == table["signal"].tolist()
 
 
 def test_one_signal_needs_no_list_and_unknown_ones_are_refused(simulated):

@@ -69,10 +69,39 @@ def test_many_positions_at_once():
     assert np.abs(position - places).max() < 1e-5 and cov.shape == (100, 3, 3) and cost.max() < 1e-6
     with pytest.raises(ValueError, match="expected 4 numbers, one for each"):
         trajectory.locate(stations, kinds, ranges[:, :3], np.ones(4))
-    with pytest.raises(ValueError, match=r"axes has the shape \[3, 3, 3\], expected \[4, 3, 3\]"):
-        trajectory.locate(stations, kinds, ranges, np.ones(4), axes=np.stack([np.eye(3)] * 3))
-    with pytest.raises(ValueError, match="axes of station 0 are no rotation"):
-        trajectory.locate(stations, kinds, ranges, np.ones(4), axes=np.stack([np.diag([1.0, 1, -1])] * 4))
+
+
+def test_axes_of_stations_are_rotations_for_each():
+    stations = np.array([[6.4e6, 0, 0], [6.4e6, 1e4, 0], [6.4e6, 0, 1e4]])
+    kinds = [(station, "range", None) for station in range(3)]
+    place = np.array([6.45e6, 3e3, 2e3])
+    ranges = np.linalg.norm(place - stations, axis=1)
+
+    def located(axes, **others):
+        return trajectory.locate(stations, kinds, ranges, np.ones(3), prior_m=tuple(place), axes=axes, **others)
+
+    assert np.allclose(located([np.eye(3)] * 3)[0], place, atol=1e-3)
+    for count in (0, 1, 2, 5):
+        with pytest.raises(ValueError, match=rf"axes has the shape \[{count}, 3, 3\], expected \(3, 3, 3\)"):
+            located(np.zeros((count, 3, 3)) + np.eye(3))
+    with pytest.raises(ValueError, match=r"axes has the shape \[3, 3\], expected \(3, 3, 3\)"):
+        located(np.eye(3))
+    for wrong in (2 * np.eye(3), np.diag([1.0, 1, -1]), np.zeros((3, 3)), np.full((3, 3), np.nan)):
+        with pytest.raises(ValueError, match="axes 1 is no rotation"):
+            located([np.eye(3), wrong, np.eye(3)])
+
+
+def test_measurements_that_cannot_be_are_refused():
+    stations = np.array([[6.4e6, 0, 0], [6.4e6, 1e4, 0], [6.4e6, 0, 1e4]])
+    kinds = [(station, "range", None) for station in range(3)]
+    for values in (np.full(3, 1e5), np.full((2, 3), 1e5)):
+        with pytest.raises(ValueError, match="kinds has station 7, expected below 3"):
+            trajectory.locate(stations, [*kinds[:2], (7, "range", None)], values, np.ones(3))
+        for sigma in (0, -1, np.nan):
+            with pytest.raises(ValueError, match=r"sigmas\[1\] is .*, expected a number above zero"):
+                trajectory.locate(stations, kinds, values, [1, sigma, 1])
+        with pytest.raises(ValueError, match="prior_m is .*, expected finite numbers"):
+            trajectory.locate(stations, kinds, values, np.ones(3), prior_m=(np.nan, 0, 0))
 
 
 def test_calibration_finds_what_was_put_in():

@@ -8,18 +8,13 @@ use kurs::ambiguity::sphere::Length;
 use kurs::ambiguity::success_rate::bootstrapped_success_rate;
 use kurs::ambiguity::{AmbiguityError, MixedFloat};
 use nalgebra::{DMatrix, DVector, Vector3};
-use numpy::{
-    AllowTypeChange, PyArray1, PyArrayDyn, PyArrayLikeDyn, PyReadonlyArray1, PyUntypedArrayMethods,
-};
+use numpy::{PyArray1, PyArrayDyn, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Stack};
-use crate::errors::NoSolution;
-
-/// Whatever numpy makes an array of.
-type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+use crate::arrays::{self, Numbers, Problems, Stack};
+use crate::errors::{self, NoSolution};
 
 /// The candidates of one problem.
 #[derive(Debug, Clone, Default)]
@@ -101,7 +96,7 @@ impl Candidates {
         solve: impl Fn(&mut M, usize) -> Result<Found, AmbiguityError> + Sync + Send,
     ) -> PyResult<Self> {
         shapes.check()?;
-        let results = arrays::solve_all(py, shapes.problems, memory, solve);
+        let results = arrays::solve_all(py, Problems::long(shapes.problems), memory, solve)?;
         let mut errors = Vec::new();
         let found = results.into_iter().enumerate().map(|(problem, result)| {
             let mut found = result.unwrap_or_else(|error| {
@@ -245,9 +240,11 @@ pub(crate) fn lambda(
 ) -> PyResult<Candidates> {
     let a = Stack::new(&a, 1, "a")?;
     let n = a.shape()[0];
-    let covariance = Stack::of_covariance(&Q, n, "Q")?;
+    let covariance = Stack::of_symmetric(&Q, n, "Q")?;
     let problems = arrays::count(&[("a", &a), ("Q", &covariance)])?;
-    let shapes = Shapes { problems, count, ambiguities: n, baselines: 0 };
+    check_horizon(horizon)?;
+    covariance.check_definite("Q", &problems)?;
+    let shapes = Shapes { problems: problems.count, count, ambiguities: n, baselines: 0 };
     let memory = || {
         let mut search = IntegerLeastSquares::default();
         search.horizon = horizon;
@@ -267,6 +264,10 @@ pub(crate) fn lambda(
     })
 }
 
+fn check_horizon(horizon: f64) -> PyResult<()> {
+    errors::check("horizon", horizon, horizon >= 0.0, "0 or more")
+}
+
 fn rate(decorrelation: &Decorrelation) -> f64 {
     bootstrapped_success_rate(decorrelation.conditional_variances())
 }
@@ -282,24 +283,33 @@ struct Joint<'a> {
 }
 
 impl<'a> Joint<'a> {
-    fn new([a, q_a, b, q_b, q_ab]: [&'a Numbers<'_>; 5]) -> PyResult<Self> {
+    /// With as many `baselines`, each `of` one thing; `body` of the array is of as many problems.
+    fn new(
+        [a, q_a, b, q_b, q_ab]: [&'a Numbers<'_>; 5],
+        (baselines, of): (usize, &str),
+        body: Option<&Stack<'_>>,
+    ) -> PyResult<Self> {
         let (a, b) = (Stack::new(a, 1, "a")?, Stack::new(b, 1, "b")?);
+        let b = b.with_rows(3 * baselines, of, "b")?;
         let (n, reals) = (a.shape()[0], b.shape()[0]);
-        let a_covariance = Stack::of_covariance(q_a, n, "Q_a")?;
-        let b_covariance = Stack::of_covariance(q_b, reals, "Q_b")?;
+        let a_covariance = Stack::of_symmetric(q_a, n, "Q_a")?;
+        let b_covariance = Stack::of_symmetric(q_b, reals, "Q_b")?;
         let cross = Stack::new(q_ab, 2, "Q_ab")?;
         if cross.shape() != [n, reals] {
             let expected = format!("{n} rows (ambiguities) and {reals} columns (components of b)");
-            return Err(crate::errors::of_shape("Q_ab", cross.shape(), &expected));
+            return Err(errors::of_shape("Q_ab", cross.shape(), &expected));
         }
-        let given = [
+        let mut given = vec![
             ("a", &a),
             ("Q_a", &a_covariance),
             ("b", &b),
             ("Q_b", &b_covariance),
             ("Q_ab", &cross),
         ];
+        given.extend(body.map(|body| ("body", body)));
         let problems = arrays::count(&given)?;
+        a_covariance.check_definite("Q_a", &problems)?;
+        let problems = problems.count;
         Ok(Self { a, a_covariance, b, b_covariance, cross, problems })
     }
 
@@ -338,7 +348,11 @@ pub(crate) fn length_constrained(
     count: usize,
     horizon: f64,
 ) -> PyResult<Candidates> {
-    let float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab])?;
+    let float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab], (1, "the components of a baseline"), None)?;
+    let is_length = length_m > 0.0 && length_m.is_finite();
+    errors::check("length_m", length_m, is_length, "a number above zero")?;
+    errors::check_sd("length_sd_m", length_sd_m)?;
+    check_horizon(horizon)?;
     let length = Length { length_m, sd_m: length_sd_m };
     let memory = || {
         let mut search = LengthConstrained::default();
@@ -378,30 +392,21 @@ pub(crate) fn array_constrained(
     count: usize,
     horizon: f64,
 ) -> PyResult<Candidates> {
-    let mut float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab])?;
     let body = Stack::of_points(&body, "body")?;
-    float.problems =
-        arrays::count(&[("a", &float.a), ("b", &float.b), ("body", &body)])?.or(float.problems);
-    let (ambiguities, baselines) = (float.a.shape()[0], float.b.shape()[0] / 3);
-    let sum = ambiguities_of.iter().try_fold(0_usize, |sum, of| sum.checked_add(*of));
-    if ambiguities_of.len() != baselines || sum != Some(ambiguities) {
-        return Err(PyValueError::new_err(format!(
-            "ambiguities_of is {ambiguities_of:?}, expected {baselines} numbers with the sum {ambiguities}"
-        )));
-    }
+    let baselines = body.shape()[0];
+    let of = "the components of the baselines of body";
+    let float = Joint::new([&a, &Q_a, &b, &Q_b, &Q_ab], (baselines, of), Some(&body))?;
+    check_ambiguities_of(&ambiguities_of, baselines, float.a.shape()[0])?;
+    errors::check_sd("array_sd_m", array_sd_m)?;
+    check_horizon(horizon)?;
     let memory = || {
         let mut search = ArrayConstrained::default();
         search.horizon = horizon;
         search
     };
     Candidates::solve(py, float.shapes(count), memory, |search, problem| {
-        let found = search.solve(
-            float.at(problem)?,
-            &ambiguities_of,
-            &body.points(problem),
-            array_sd_m,
-            count,
-        )?;
+        let (float, body) = (float.at(problem)?, body.points(problem));
+        let found = search.solve(float, &ambiguities_of, &body, array_sd_m, count)?;
         let components = |b: &Vector3<f64>| <[f64; 3]>::from(*b);
         Ok(Found {
             integers: found.iter().flat_map(|c| c.integers.iter().copied()).collect(),
@@ -413,6 +418,22 @@ pub(crate) fn array_constrained(
     })
 }
 
+/// Refuses ambiguities that are not those of the baselines.
+fn check_ambiguities_of(of: &[usize], baselines: usize, ambiguities: usize) -> PyResult<()> {
+    if of.len() != baselines {
+        return Err(PyValueError::new_err(format!(
+            "ambiguities_of has {} numbers, expected {baselines}, one for each baseline of body",
+            of.len()
+        )));
+    }
+    let sum = of.iter().try_fold(0_usize, |sum, number| sum.checked_add(*number));
+    if sum != Some(ambiguities) {
+        let text = format!("ambiguities_of is {of:?}, expected a sum of {ambiguities}, those of a");
+        return Err(PyValueError::new_err(text));
+    }
+    Ok(())
+}
+
 /// Probability that integer bootstrapping finds the right integers for covariance Q (n, n), cycles².
 ///
 /// After decorrelation: a close lower bound for integer least squares. Give (N, n, n) for N problems at once: NaN
@@ -421,13 +442,14 @@ pub(crate) fn array_constrained(
 #[allow(non_snake_case)]
 pub(crate) fn success_rate<'py>(py: Python<'py>, Q: Numbers<'py>) -> PyResult<Bound<'py, PyAny>> {
     let n = *Q.shape().last().unwrap_or(&0);
-    let covariance = Stack::of_covariance(&Q, n, "Q")?;
-    let count = arrays::count(&[("Q", &covariance)])?;
+    let covariance = Stack::of_symmetric(&Q, n, "Q")?;
+    let problems = arrays::count(&[("Q", &covariance)])?;
     let of = |decorrelation: &mut Decorrelation, problem: usize| {
         let matrix: DMatrix<f64> = covariance.matrix(problem);
         decorrelation.compute(&matrix).map(|()| rate(decorrelation))
     };
-    let rates = arrays::solve_all(py, count, Decorrelation::default, of);
+    let rates = arrays::solve_all(py, problems, Decorrelation::default, of)?;
+    let count = problems.count;
     if let (None, [Err(error)]) = (count, rates.as_slice()) {
         return Err(NoSolution::new_err(error.to_string()));
     }

@@ -1,12 +1,20 @@
 //! Numpy arrays as they come: one problem, or many with a leading dimension.
 
 use std::borrow::Cow;
+use std::ops::Deref;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, PyArray1, PyArrayDyn, PyArrayLikeDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyAny;
+use pyo3::types::{PyAny, PyList, PyTuple};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -14,10 +22,78 @@ use crate::errors;
 
 /// Problems that one thread solves before another may take some over.
 const MIN_PROBLEMS: usize = 32;
+/// One problem of so many numbers takes longer than it takes to give the interpreter's lock away.
+const DETACHED_NUMBERS: usize = 1000;
+/// How often Python may look whether Ctrl-C was pressed.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
 
-/// What a symmetric matrix may be off, relative to its variances: rounding of 32-bit numbers and of
-/// products in them.
-const ASYMMETRY: f64 = 1e-5;
+/// Difference between a covariance and its transpose, relative to its largest element, that passes as rounding.
+const SYMMETRY: f64 = 1e-6;
+/// Of `RᵀR − I`: what rounding to five digits leaves.
+const ORTHOGONALITY: f64 = 1e-4;
+
+/// Whatever numpy makes an array of real numbers of.
+#[derive(Debug)]
+pub(crate) struct Numbers<'py> {
+    array: PyReadonlyArrayDyn<'py, f64>,
+    /// What is there in place of numbers; then the array is empty.
+    refused: Option<&'static str>,
+}
+
+impl<'py> Numbers<'py> {
+    fn refused(py: Python<'py>, found: &'static str) -> Self {
+        Self { array: PyArrayDyn::zeros(py, vec![0], false).readonly(), refused: Some(found) }
+    }
+}
+
+impl<'py> Deref for Numbers<'py> {
+    type Target = PyReadonlyArrayDyn<'py, f64>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.array
+    }
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Numbers<'py> {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let py = given.py();
+        if has_masked(&given)? {
+            return Ok(Self::refused(py, "masked values"));
+        }
+        if let Ok(array) = given.cast::<PyArrayDyn<f64>>() {
+            return Ok(Self { array: array.readonly(), refused: None });
+        }
+        let array = py.import("numpy")?.call_method1("asarray", (given,))?;
+        let kind: char = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        let numbers: PyArrayLikeDyn<'py, f64, AllowTypeChange> = match kind {
+            'b' | 'i' | 'u' | 'f' => array.extract()?,
+            'c' => return Ok(Self::refused(py, "complex numbers")),
+            'M' | 'm' => return Ok(Self::refused(py, "instants or times")),
+            _ => given.extract()?,
+        };
+        Ok(Self { array: numbers.readonly(), refused: None })
+    }
+}
+
+/// Whether something masked is in an array, or in an array of a list.
+fn has_masked(given: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let masked = given.py().import("numpy.ma")?;
+    let is_masked = |array: &Bound<'_, PyAny>| -> PyResult<bool> {
+        masked.call_method1("is_masked", (array,))?.extract()
+    };
+    if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
+        for item in given.try_iter()? {
+            let item = item?;
+            if item.cast::<PyUntypedArray>().is_ok() && is_masked(&item)? {
+                return Ok(true);
+            }
+        }
+        return Ok(false);
+    }
+    is_masked(given)
+}
 
 /// An argument of one problem, or of each of many, in rows.
 #[derive(Debug)]
@@ -31,11 +107,11 @@ pub(crate) struct Stack<'a> {
 
 impl<'a> Stack<'a> {
     /// Of an array with `dimensions`, or one more for the problems.
-    pub(crate) fn new(
-        array: &'a PyReadonlyArrayDyn<'_, f64>,
-        dimensions: usize,
-        what: &str,
-    ) -> PyResult<Self> {
+    pub(crate) fn new(array: &'a Numbers<'_>, dimensions: usize, what: &str) -> PyResult<Self> {
+        if let Some(found) = array.refused {
+            let text = format!("{what} has {found}, expected real numbers, NaN for a missing one");
+            return Err(PyValueError::new_err(text));
+        }
         let shape = array.shape();
         let (count, shape) = match shape.len().checked_sub(dimensions) {
             Some(0) => (None, shape),
@@ -53,7 +129,7 @@ impl<'a> Stack<'a> {
     }
 
     /// As [`Stack::new`] of points: the last dimension is three.
-    pub(crate) fn of_points(array: &'a PyReadonlyArrayDyn<'_, f64>, what: &str) -> PyResult<Self> {
+    pub(crate) fn of_points(array: &'a Numbers<'_>, what: &str) -> PyResult<Self> {
         let stack = Self::new(array, 2, what)?;
         if stack.shape[1] == 3 {
             Ok(stack)
@@ -63,11 +139,7 @@ impl<'a> Stack<'a> {
     }
 
     /// As [`Stack::new`] of square matrices with `rows`.
-    pub(crate) fn of_square(
-        array: &'a PyReadonlyArrayDyn<'_, f64>,
-        rows: usize,
-        what: &str,
-    ) -> PyResult<Self> {
+    pub(crate) fn of_square(array: &'a Numbers<'_>, rows: usize, what: &str) -> PyResult<Self> {
         let stack = Self::new(array, 2, what)?;
         if stack.shape == [rows, rows] {
             Ok(stack)
@@ -76,32 +148,84 @@ impl<'a> Stack<'a> {
         }
     }
 
-    /// As [`Stack::of_square`] of covariances: symmetric, as far as numbers of 32 bits can tell.
-    pub(crate) fn of_covariance(
-        array: &'a PyReadonlyArrayDyn<'_, f64>,
-        rows: usize,
-        what: &str,
-    ) -> PyResult<Self> {
-        let stack = Self::of_square(array, rows, what)?;
-        for (problem, matrix) in stack.numbers.chunks_exact((rows * rows).max(1)).enumerate() {
-            for (i, j) in (0..rows).flat_map(|i| (0..i).map(move |j| (i, j))) {
-                let (below, above) = (matrix[i * rows + j], matrix[j * rows + i]);
-                let scale = (matrix[i * rows + i] * matrix[j * rows + j]).abs().sqrt();
-                if (below - above).abs() > ASYMMETRY * scale.max(below.abs()) {
-                    let of =
-                        stack.count.map_or(String::new(), |_| format!(" of problem {problem}"));
-                    return Err(pyo3::exceptions::PyValueError::new_err(format!(
-                        "{what}{of} is not symmetric: [{i}, {j}] is {below}, [{j}, {i}] is {above}"
-                    )));
-                }
+    /// As [`Stack::of_square`] of covariances: symmetric but for rounding, which is taken away.
+    pub(crate) fn of_symmetric(array: &'a Numbers<'_>, rows: usize, what: &str) -> PyResult<Self> {
+        let mut stack = Self::of_square(array, rows, what)?;
+        let size = rows * rows;
+        for problem in 0..stack.count.unwrap_or(1) {
+            let numbers = stack.at(problem);
+            let mut pairs = (0..rows).flat_map(|row| (0..row).map(move |column| (row, column)));
+            if pairs
+                .all(|(row, column)| numbers[row * rows + column] == numbers[column * rows + row])
+            {
+                continue;
             }
+            let matrix = stack.matrix(problem);
+            let transposed = matrix.transpose();
+            let differences = &matrix - &transposed;
+            let (row, column) = differences.iamax_full();
+            // Not for NaN, of which it is no question whether there is a solution.
+            if differences[(row, column)].abs() > SYMMETRY * matrix.amax() {
+                let of = stack.count.map_or_else(String::new, |_| format!(" of problem {problem}"));
+                return Err(PyValueError::new_err(format!(
+                    "{what}{of} is not symmetric: {} in row {row}, column {column}, {} in row {column}, column {row}",
+                    matrix[(row, column)],
+                    matrix[(column, row)],
+                )));
+            }
+            let mean = 0.5 * (matrix + transposed);
+            stack.numbers.to_mut()[problem * size..][..size].copy_from_slice(mean.as_slice());
         }
         Ok(stack)
     }
 
-    /// How many problems there are; `None`: one without a leading dimension.
-    pub(crate) fn problems(&self) -> Option<usize> {
-        self.count
+    /// Refuses another number of rows.
+    pub(crate) fn with_rows(self, rows: usize, of: &str, what: &str) -> PyResult<Self> {
+        if self.shape.first() == Some(&rows) {
+            return Ok(self);
+        }
+        let expected = if self.shape.len() == 1 { "numbers" } else { "rows" };
+        Err(errors::of_shape(what, self.shape, &format!("{rows} {expected}, {of}")))
+    }
+
+    /// Refuses numbers that are the same for all problems and cannot be.
+    pub(crate) fn check(
+        &self,
+        what: &str,
+        expected: &str,
+        can_be: impl Fn(f64) -> bool,
+    ) -> PyResult<()> {
+        let wrong = self.numbers.iter().position(|number| !can_be(*number));
+        match wrong.filter(|_| self.count.is_none()) {
+            Some(place) => {
+                errors::check(&format!("{what}[{place}]"), self.numbers[place], false, expected)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses a covariance that is the same for many problems and none of them.
+    pub(crate) fn check_definite(&self, what: &str, problems: &Problems) -> PyResult<()> {
+        let is_shared = self.count.is_none() && problems.count.is_some();
+        if is_shared && self.matrix(0).cholesky().is_none() {
+            let text = format!("{what} is not positive definite, and the same for all problems");
+            return Err(PyValueError::new_err(text));
+        }
+        Ok(())
+    }
+
+    /// Refuses matrices (3, 3) that are no rotations.
+    pub(crate) fn check_rotations(&self, what: &str) -> PyResult<()> {
+        for problem in 0..self.count.unwrap_or(1) {
+            let matrix = self.matrix3(problem);
+            let excess = (matrix.transpose() * matrix - Matrix3::identity()).norm();
+            // Also for NaN.
+            if !(excess < ORTHOGONALITY && matrix.determinant() > 0.0) {
+                let text = format!("{what} {problem} is no rotation: {matrix}");
+                return Err(PyValueError::new_err(text));
+            }
+        }
+        Ok(())
     }
 
     /// Refuses many problems, for what solves one alone.
@@ -114,6 +238,11 @@ impl<'a> Stack<'a> {
                 Err(errors::of_shape(what, &shape, &expected))
             }
         }
+    }
+
+    /// `None`: the same for all.
+    pub(crate) const fn count(&self) -> Option<usize> {
+        self.count
     }
 
     /// Of one problem.
@@ -146,43 +275,95 @@ impl<'a> Stack<'a> {
     }
 }
 
-/// How many problems the arguments are of; `None`: one.
-pub(crate) fn count(stacks: &[(&str, &Stack<'_>)]) -> PyResult<Option<usize>> {
+/// How many problems there are, and of which size.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Problems {
+    /// `None`: one without a leading dimension.
+    pub(crate) count: Option<usize>,
+    /// Numbers that one problem is given by.
+    numbers: usize,
+}
+
+impl Problems {
+    /// Of one number each.
+    pub(crate) const fn small(count: Option<usize>) -> Self {
+        Self { count, numbers: 1 }
+    }
+
+    /// Of which one may take long.
+    pub(crate) const fn long(count: Option<usize>) -> Self {
+        Self { count, numbers: usize::MAX }
+    }
+}
+
+/// The problems that the arguments are of.
+pub(crate) fn count(stacks: &[(&str, &Stack<'_>)]) -> PyResult<Problems> {
     let mut known: Option<(&str, usize)> = None;
     for (what, stack) in stacks {
         let Some(count) = stack.count else { continue };
         match known {
             Some((first, other)) if other != count => {
                 let text = format!("{what} is of {count} problems, {first} of {other}");
-                return Err(pyo3::exceptions::PyValueError::new_err(text));
+                return Err(PyValueError::new_err(text));
             }
             _ => known = Some((what, count)),
         }
     }
-    Ok(known.map(|(_, count)| count))
+    let numbers = stacks.iter().map(|(_, stack)| stack.shape.iter().product::<usize>()).sum();
+    Ok(Problems { count: known.map(|(_, count)| count), numbers })
 }
 
-/// Solves all problems, many of them in parallel and without the interpreter's lock; `memory` is made once for a
-/// thread.
+/// Solves all problems, many of them in parallel, and without the interpreter's lock; `memory` is made once for a
+/// thread. Of many Ctrl-C leaves the rest.
 pub(crate) fn solve_all<M, T: Send>(
     py: Python<'_>,
-    count: Option<usize>,
+    problems: Problems,
     memory: impl Fn() -> M + Sync + Send,
     solve: impl Fn(&mut M, usize) -> T + Sync + Send,
-) -> Vec<T> {
-    match count {
-        None => vec![py.detach(|| solve(&mut memory(), 0))],
-        Some(count) => in_parallel(py, || {
-            let problems = (0..count).into_par_iter().with_min_len(MIN_PROBLEMS);
-            problems.map_init(&memory, |memory, problem| solve(memory, problem)).collect()
-        }),
-    }
+) -> PyResult<Vec<T>> {
+    let Some(count) = problems.count else {
+        let one = || vec![solve(&mut memory(), 0)];
+        return Ok(if problems.numbers < DETACHED_NUMBERS { one() } else { py.detach(one) });
+    };
+    let found = interruptible(py, |is_interrupted| {
+        let solve = |memory: &mut M, problem| {
+            (!is_interrupted.load(Ordering::Relaxed)).then(|| solve(memory, problem))
+        };
+        let problems = (0..count).into_par_iter().with_min_len(MIN_PROBLEMS);
+        problems.map_init(&memory, solve).collect::<Option<Vec<T>>>()
+    });
+    Ok(found?.unwrap_or_default())
 }
 
-/// Whether `RᵀR − I` is as small as `tolerance`, and R no reflection; not with NaN.
-pub(crate) fn is_rotation(matrix: &Matrix3<f64>, tolerance: f64) -> bool {
-    let excess = (matrix.transpose() * matrix - Matrix3::identity()).norm();
-    excess < tolerance && matrix.determinant() > 0.0
+/// Runs work on the threads of this process, without the interpreter's lock, and tells it of Ctrl-C.
+fn interruptible<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&AtomicBool) -> Option<T> + Send,
+) -> PyResult<Option<T>> {
+    let is_interrupted = &AtomicBool::new(false);
+    py.detach(|| {
+        let Some(pool) = pool() else { return Ok(work(is_interrupted)) };
+        let (sender, receiver) = mpsc::channel();
+        pool.in_place_scope(|scope| {
+            scope.spawn(move |_| {
+                // The receiver waits for it.
+                let _ = sender.send(work(is_interrupted));
+            });
+            let mut signal = Ok(());
+            loop {
+                match receiver.recv_timeout(BETWEEN_LOOKS) {
+                    Ok(found) => return signal.map(|()| found),
+                    // The panic of the work goes on behind this scope.
+                    Err(RecvTimeoutError::Disconnected) => return signal.map(|()| None),
+                    Err(RecvTimeoutError::Timeout) if signal.is_ok() => {
+                        signal = Python::attach(|py| py.check_signals());
+                        is_interrupted.store(signal.is_err(), Ordering::Relaxed);
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                }
+            }
+        })
+    })
 }
 
 /// Runs work on the threads of this process, without the interpreter's lock.

@@ -1,5 +1,6 @@
 //! `kurs.attitude`: rotations from vectors, baselines and phases.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use kurs::attitude::reduction::{BaselineWeight, SingleDifferences};
@@ -9,18 +10,12 @@ use kurs::attitude::{
 };
 use kurs::frames::{self, Body, Ned, Rotation};
 use nalgebra::{DVector, Matrix3, Vector3};
-use numpy::{
-    AllowTypeChange, PyArray1, PyArray2, PyArrayDyn, PyArrayLikeDyn, PyArrayMethods,
-    PyReadonlyArray2,
-};
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Stack};
-use crate::errors::NoSolution;
-
-/// Whatever numpy makes an array of.
-type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+use crate::arrays::{self, Numbers, Problems, Stack};
+use crate::errors::{self, NoSolution};
 
 /// One rotation and what is known of it.
 #[derive(Debug, Clone, Copy)]
@@ -107,14 +102,25 @@ impl Attitude {
     /// words in `errors`.
     fn solve(
         py: Python<'_>,
-        count: Option<usize>,
+        problems: Problems,
         solve: impl Fn(usize) -> Result<Found, AttitudeError> + Sync + Send,
     ) -> PyResult<Self> {
-        let results = arrays::solve_all(py, count, || (), |(), problem| solve(problem));
+        let words = |error: AttitudeError| error.to_string();
+        Self::solve_in_words(py, problems, |problem| solve(problem).map_err(words))
+    }
+
+    /// As [`Attitude::solve`], of errors that are words already.
+    fn solve_in_words(
+        py: Python<'_>,
+        problems: Problems,
+        solve: impl Fn(usize) -> Result<Found, String> + Sync + Send,
+    ) -> PyResult<Self> {
+        let results = arrays::solve_all(py, problems, || (), |(), problem| solve(problem))?;
+        let count = problems.count;
         let mut errors = Vec::new();
         let found = results.into_iter().enumerate().map(|(problem, result)| {
             result.unwrap_or_else(|error| {
-                errors.push((problem, error.to_string()));
+                errors.push((problem, error));
                 Found::nothing()
             })
         });
@@ -237,10 +243,21 @@ impl Attitude {
         Ok(errors)
     }
 
-    /// The same as `scipy.spatial.transform.Rotation`, which rotates body components into local ones.
+    /// The same as `scipy.spatial.transform.Rotation`, which rotates body components into local ones; NaN where unknown.
     fn to_scipy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rotation = py.import("scipy.spatial.transform")?.getattr("Rotation")?;
-        rotation.call_method1("from_matrix", (self.matrix(py)?,))
+        let is_known = |f: &Found| f.local_from_body.iter().all(|component| component.is_finite());
+        let known = |f: &Found| if is_known(f) { f.local_from_body } else { Matrix3::identity() };
+        let found = rotation.call_method1("from_matrix", (self.matrices(py, known)?,))?;
+        // Scipy takes no matrix of NaN, but a rotation vector.
+        let unknown: Vec<usize> =
+            (0..self.found.len()).filter(|problem| !is_known(&self.found[*problem])).collect();
+        if !unknown.is_empty() {
+            let nothing =
+                arrays::shaped(py, vec![UNKNOWN; 3 * unknown.len()], Some(unknown.len()), &[3])?;
+            found.set_item(unknown, rotation.call_method1("from_rotvec", (nothing,))?)?;
+        }
+        Ok(found)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
@@ -254,6 +271,11 @@ impl Attitude {
     fn __len__(&self) -> PyResult<usize> {
         let text = "this is one attitude without a length";
         self.count.ok_or_else(|| pyo3::exceptions::PyTypeError::new_err(text))
+    }
+
+    /// Whether there is any: one without a leading dimension is.
+    fn __bool__(&self) -> bool {
+        self.count != Some(0)
     }
 
     fn __repr__(&self) -> String {
@@ -284,6 +306,16 @@ pub(crate) fn attitude_of_parts(
     Ok(Attitude { found, count, errors })
 }
 
+/// What there is as many of as of body.
+const OF_BODY: &str = "one for each row of body";
+
+/// Rows of body and local that belong together.
+fn pairs<'a>(body: &'a Numbers<'_>, local: &'a Numbers<'_>) -> PyResult<(Stack<'a>, Stack<'a>)> {
+    let body = Stack::of_points(body, "body")?;
+    let local = Stack::of_points(local, "local")?.with_rows(body.shape()[0], OF_BODY, "local")?;
+    Ok((body, local))
+}
+
 /// local_from_body that carries body (m, 3) onto local (m, 3) best, by Wahba's closed form.
 ///
 /// Minimises the sum of `weights * |local - R body|²` over rotations R. Give (N, m, 3) for N problems at
@@ -296,8 +328,12 @@ pub(crate) fn wahba(
     local: Numbers<'_>,
     weights: Option<Numbers<'_>>,
 ) -> PyResult<Attitude> {
-    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
+    let (body, local) = pairs(&body, &local)?;
     let weights = weights.as_ref().map(|w| Stack::new(w, 1, "weights")).transpose()?;
+    let weights = weights.map(|w| w.with_rows(body.shape()[0], OF_BODY, "weights")).transpose()?;
+    if let Some(weights) = &weights {
+        weights.check("weights", "0 or more", |weight| weight >= 0.0)?;
+    }
     let equal = vec![1.0; body.shape()[0]];
     let mut given = vec![("body", &body), ("local", &local)];
     given.extend(weights.as_ref().map(|w| ("weights", w)));
@@ -322,10 +358,12 @@ pub(crate) fn weighted(
     cov_m2: Numbers<'_>,
     shared_antenna: bool,
 ) -> PyResult<Attitude> {
-    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
-    let covariance = Stack::of_square(&cov_m2, 3, "cov_m2")?;
+    let (body, local) = pairs(&body, &local)?;
+    let covariance = Stack::of_symmetric(&cov_m2, 3, "cov_m2")?;
     let given = [("body", &body), ("local", &local), ("cov_m2", &covariance)];
-    Attitude::solve(py, arrays::count(&given)?, |problem| {
+    let problems = arrays::count(&given)?;
+    covariance.check_definite("cov_m2", &problems)?;
+    Attitude::solve(py, problems, |problem| {
         let (body, local) = (body.points(problem), local.points(problem));
         let covariance = covariance.matrix3(problem);
         Found::minimum(&AttitudeProblem::of_baselines(
@@ -348,10 +386,12 @@ pub(crate) fn general(
     local: Numbers<'_>,
     cov_m2: Numbers<'_>,
 ) -> PyResult<Attitude> {
-    let (body, local) = (Stack::of_points(&body, "body")?, Stack::of_points(&local, "local")?);
-    let covariance = Stack::of_square(&cov_m2, 3 * body.shape()[0], "cov_m2")?;
+    let (body, local) = pairs(&body, &local)?;
+    let covariance = Stack::of_symmetric(&cov_m2, 3 * body.shape()[0], "cov_m2")?;
     let given = [("body", &body), ("local", &local), ("cov_m2", &covariance)];
-    Attitude::solve(py, arrays::count(&given)?, |problem| {
+    let problems = arrays::count(&given)?;
+    covariance.check_definite("cov_m2", &problems)?;
+    Attitude::solve(py, problems, |problem| {
         let weight = joint::weight_of(&covariance.matrix(problem))?;
         let measured = DVector::from_column_slice(local.at(problem));
         Found::minimum(&joint::problem(&body.points(problem), &measured, &weight)?)
@@ -360,9 +400,10 @@ pub(crate) fn general(
 
 /// local_from_body from single-difference phases (k, r), metres, of baselines body (k, 3).
 ///
-/// `los` (s, 3): unit vectors to the satellites in local axes. `sigma_m` (r,): standard deviations, all
-/// satellites of the first band, then of the second, and so on. The clocks are eliminated. Give a leading
-/// dimension for N problems at once.
+/// A phase is that of the baseline's antenna less that of the first one, its integers taken out: `-u·b` and a clock, which is one
+/// for each baseline and all its bands, and is eliminated. `los` (s, 3): unit vectors u to the satellites in local axes.
+/// `sigma_m` (r,): standard deviations, all satellites of the first band, then of the second, and so on. Give a leading dimension
+/// for N problems at once. A flat array may fit as well from the other side: then `cost_gap` is about 0, and either is given.
 #[pyfunction]
 #[pyo3(signature = (body, los, sigma_m, phases_m, *, shared_antenna=true))]
 pub(crate) fn from_phases(
@@ -376,6 +417,17 @@ pub(crate) fn from_phases(
     let (body, los) = (Stack::of_points(&body, "body")?, Stack::of_points(&los, "los")?);
     let sigma = Stack::new(&sigma_m, 1, "sigma_m")?;
     let phases = Stack::new(&phases_m, 2, "phases_m")?;
+    let (satellites, rows) = (los.shape()[0], sigma.shape()[0]);
+    if satellites == 0 || rows == 0 || !rows.is_multiple_of(satellites) {
+        let expected = format!("{satellites} numbers for each band, one for each satellite of los");
+        return Err(errors::of_shape("sigma_m", sigma.shape(), &expected));
+    }
+    sigma.check("sigma_m", "a number above zero", |sigma| sigma > 0.0)?;
+    if phases.shape() != [body.shape()[0], rows] {
+        let expected =
+            format!("{} rows ({OF_BODY}) and {rows} columns (as sigma_m)", body.shape()[0]);
+        return Err(errors::of_shape("phases_m", phases.shape(), &expected));
+    }
     let given = [("body", &body), ("los", &los), ("sigma_m", &sigma), ("phases_m", &phases)];
     Attitude::solve(py, arrays::count(&given)?, |problem| {
         let differences = SingleDifferences {
@@ -413,10 +465,34 @@ pub(crate) fn three_point(
     })
 }
 
+/// Attitudes that [`relative`] joins with others.
+struct Side<'a> {
+    name: &'static str,
+    attitude: &'a Attitude,
+    errors: BTreeMap<usize, &'a str>,
+}
+
+impl<'a> Side<'a> {
+    fn new(name: &'static str, attitude: &'a Attitude) -> Self {
+        let errors = attitude.errors.iter().map(|(problem, error)| (*problem, error.as_str()));
+        Self { name, attitude, errors: errors.collect() }
+    }
+
+    /// The rotation and its covariance, or why there is none.
+    fn at(&self, problem: usize) -> Result<(Rotation<Ned, Body>, Matrix3<f64>), String> {
+        if let Some(error) = self.errors.get(&problem) {
+            return Err(format!("{}: {error}", self.name));
+        }
+        let found = self.attitude.found[if self.attitude.count.is_none() { 0 } else { problem }];
+        Ok((Rotation::from_matrix(found.local_from_body), found.covariance_rad2))
+    }
+}
+
 /// first_from_second: the attitude of a second body in the axes of a first one, both known in one local frame.
 ///
 /// The covariance is in the axes of the second body; errors of the two are taken for independent. Of N
-/// attitudes and N others, pair by pair; one stands for all of the other side.
+/// attitudes and N others, pair by pair; one stands for all of the other side. A pair with an attitude that has no solution
+/// has its error.
 #[pyfunction]
 pub(crate) fn relative(
     py: Python<'_>,
@@ -431,12 +507,9 @@ pub(crate) fn relative(
         }
         (one, other) => one.or(other),
     };
-    let at = |side: &Attitude, problem: usize| {
-        let found = side.found[if side.count.is_none() { 0 } else { problem }];
-        (Rotation::<Ned, Body>::from_matrix(found.local_from_body), found.covariance_rad2)
-    };
-    Attitude::solve(py, count, |problem| {
-        let ((one, one_rad2), (other, other_rad2)) = (at(first, problem), at(second, problem));
+    let (first, second) = (Side::new("first", first), Side::new("second", second));
+    Attitude::solve_in_words(py, Problems::small(count), |problem| {
+        let ((one, one_rad2), (other, other_rad2)) = (first.at(problem)?, second.at(problem)?);
         let found = of_angles::relative_orientation((&one, &one_rad2), (&other, &other_rad2));
         let rotation = Found::rotation(found.first_from_second.matrix());
         Ok(Found { covariance_rad2: found.covariance_rad2, ..rotation })
@@ -453,21 +526,13 @@ pub(crate) fn angles(
     matrix: Numbers<'_>,
     cov: Option<Numbers<'_>>,
 ) -> PyResult<Attitude> {
-    /// Of `RᵀR − I`: what rounding to five digits leaves.
-    const ORTHOGONALITY: f64 = 1e-4;
     let matrices = Stack::of_square(&matrix, 3, "matrix")?;
-    let covariance = cov.as_ref().map(|cov| Stack::of_square(cov, 3, "cov")).transpose()?;
+    let covariance = cov.as_ref().map(|cov| Stack::of_symmetric(cov, 3, "cov")).transpose()?;
     let mut given = vec![("matrix", &matrices)];
     given.extend(covariance.as_ref().map(|cov| ("cov", cov)));
-    let count = arrays::count(&given)?;
-    for problem in 0..count.unwrap_or(1) {
-        let matrix = matrices.matrix3(problem);
-        if !arrays::is_rotation(&matrix, ORTHOGONALITY) {
-            let text = format!("matrix {problem} is no rotation: {matrix}");
-            return Err(pyo3::exceptions::PyValueError::new_err(text));
-        }
-    }
-    Attitude::solve(py, count, |problem| {
+    let problems = arrays::count(&given)?;
+    matrices.check_rotations("matrix")?;
+    Attitude::solve(py, problems, |problem| {
         let rotation = Found::rotation(matrices.matrix3(problem));
         let covariance_rad2 =
             covariance.as_ref().map_or(rotation.covariance_rad2, |cov| cov.matrix3(problem));

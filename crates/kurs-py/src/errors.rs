@@ -2,7 +2,7 @@
 
 use kurs_cli::embedded::Failure;
 use pyo3::exceptions::{PyException, PyValueError};
-use pyo3::{PyErr, create_exception};
+use pyo3::{PyErr, PyResult, create_exception};
 
 create_exception!(
     kurs,
@@ -40,4 +40,17 @@ pub(crate) fn of_command(failure: Failure) -> PyErr {
 /// The exception of an array that has the wrong shape.
 pub(crate) fn of_shape(what: &str, found: &[usize], expected: &str) -> PyErr {
     PyValueError::new_err(format!("{what} has the shape {found:?}, expected {expected}"))
+}
+
+/// Refuses a number that cannot be.
+pub(crate) fn check(what: &str, found: f64, can_be: bool, expected: &str) -> PyResult<()> {
+    if can_be {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("{what} is {found}, expected {expected}")))
+}
+
+/// Refuses a standard deviation that cannot be.
+pub(crate) fn check_sd(what: &str, found: f64) -> PyResult<()> {
+    check(what, found, found >= 0.0 && found.is_finite(), "0 or more")
 }

@@ -12,16 +12,13 @@ use kurs::trajectory::measurement::{Measurement, Quantity};
 use kurs::trajectory::problem::Problem;
 use kurs::trajectory::station::Station;
 use nalgebra::{Matrix3, Vector3};
-use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLikeDyn};
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, Stack};
-use crate::errors::NoSolution;
-
-/// Whatever numpy makes an array of.
-type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+use crate::arrays::{self, Numbers, Stack};
+use crate::errors::{self, NoSolution};
 
 fn unsolved(error: impl std::fmt::Display) -> PyErr {
     NoSolution::new_err(error.to_string())
@@ -193,9 +190,6 @@ pub(crate) fn allan_deviation<'py>(
     Ok((column(|p| p.tau_s), column(|p| p.deviation), column(|p| p.relative_sd)))
 }
 
-/// Axes are a rotation if they are orthonormal to this, as 32-bit numbers are.
-const NO_ROTATION: f64 = 1e-5;
-
 /// The columns of measurements as they come.
 type Plain = (usize, String, Option<usize>);
 
@@ -203,8 +197,8 @@ type Plain = (usize, String, Option<usize>);
 ///
 /// `kinds` (m): (station, quantity, reference or None); quantity is "azimuth", "elevation" (rad), "range",
 /// "range_difference" (m), "cosine_north", "cosine_east". values (m,) and sigmas (m,); give values (N, m) for N positions
-/// at once: positions (N, 3), covariances (N, 3, 3), costs (N,), NaN where there is none. `axes` (s, 3, 3):
-/// ecef_from_local of each station (columns north, east, down), by default those of the ellipsoid.
+/// at once: positions (N, 3), covariances (N, 3, 3), costs (N,), NaN where there is none. `axes` (s, 3, 3): rotations
+/// ecef_from_local of the stations, whose columns are north, east and down in ECEF axes; by default those of the ellipsoid.
 #[pyfunction]
 #[pyo3(signature = (stations_m, kinds, values, sigmas, *, prior_m=None, axes=None))]
 #[allow(clippy::type_complexity, clippy::too_many_arguments)] // three arrays of columns
@@ -220,21 +214,16 @@ pub(crate) fn locate<'py>(
     let places = Stack::of_points(&stations_m, "stations_m")?.alone("stations_m")?.points(0);
     let axes = axes.as_ref().map(|axes| Stack::of_square(axes, 3, "axes")).transpose()?;
     if let Some(axes) = &axes {
-        if axes.problems() != Some(places.len()) {
-            let found = axes.problems().map_or(vec![3, 3], |count| vec![count, 3, 3]);
-            return Err(crate::errors::of_shape(
-                "axes",
-                &found,
-                &format!("[{}, 3, 3]", places.len()),
-            ));
+        if axes.count() != Some(places.len()) {
+            let found: Vec<usize> = axes.count().into_iter().chain([3, 3]).collect();
+            let expected = format!("({}, 3, 3), a rotation for each station", places.len());
+            return Err(errors::of_shape("axes", &found, &expected));
         }
-        for station in 0..places.len() {
-            let matrix = axes.matrix3(station);
-            if !arrays::is_rotation(&matrix, NO_ROTATION) {
-                let text = format!("axes of station {station} are no rotation: {matrix}");
-                return Err(pyo3::exceptions::PyValueError::new_err(text));
-            }
-        }
+        axes.check_rotations("axes")?;
+    }
+    if let Some(prior_m) = prior_m.filter(|prior| prior.iter().any(|c| !c.is_finite())) {
+        let text = format!("prior_m is {prior_m:?}, expected finite numbers");
+        return Err(PyValueError::new_err(text));
     }
     let station = |(index, place): (usize, Vector3<f64>)| match &axes {
         Some(axes) => {
@@ -244,15 +233,25 @@ pub(crate) fn locate<'py>(
         None => Station::at_ecef(Vector::from_xyz(place)),
     };
     let stations: Vec<Station> = places.into_iter().enumerate().map(station).collect();
+    for (station, _, reference) in &kinds {
+        for number in reference.iter().chain([station]) {
+            if *number >= stations.len() {
+                let text = format!("kinds has station {number}, expected below {}", stations.len());
+                return Err(PyValueError::new_err(text));
+            }
+        }
+    }
     let quantities: Vec<(usize, Quantity)> = kinds.iter().map(quantity).collect::<PyResult<_>>()?;
     let (values, sigmas) = (Stack::new(&values, 1, "values")?, Stack::new(&sigmas, 1, "sigmas")?);
     for (what, stack) in [("values", &values), ("sigmas", &sigmas)] {
         if stack.shape() != [kinds.len()] {
             let expected = format!("{} numbers, one for each of `kinds`", kinds.len());
-            return Err(crate::errors::of_shape(what, stack.shape(), &expected));
+            return Err(errors::of_shape(what, stack.shape(), &expected));
         }
     }
-    let count = arrays::count(&[("values", &values), ("sigmas", &sigmas)])?;
+    sigmas.check("sigmas", "a number above zero", |sigma| sigma > 0.0 && sigma.is_finite())?;
+    let problems = arrays::count(&[("values", &values), ("sigmas", &sigmas)])?;
+    let count = problems.count;
     let prior = prior_m.map(|[x, y, z]| Vector::new(x, y, z));
     let solve = |problem: usize| -> Result<least_squares::Estimate, String> {
         let numbers = values.at(problem).iter().zip(sigmas.at(problem));
@@ -269,7 +268,7 @@ pub(crate) fn locate<'py>(
         let problem = Problem::new(&stations, &measurements).map_err(|error| error.to_string())?;
         least_squares::solve(&problem, prior).map_err(|error| error.to_string())
     };
-    let found = arrays::solve_all(py, count, || (), |(), problem| solve(problem));
+    let found = arrays::solve_all(py, problems, || (), |(), problem| solve(problem))?;
     if let (None, [Err(error)]) = (count, found.as_slice()) {
         return Err(unsolved(error));
     }

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -20,7 +21,21 @@ from kurs._whole import whole_file
 Config = str | PathLike[str] | Mapping[str, Any]
 
 #: Keys of configurations whose values are paths.
-_PATHS = frozenset({"obs", "files", "file", "calibration", "attitude", "solve", "dir", "state_dir", "navigation", "log"})
+_PATHS = frozenset(
+    {
+        "attitude",
+        "calibration",
+        "dir",
+        "file",
+        "files",
+        "log",
+        "navigation",
+        "obs",
+        "solve",
+        "state_dir",
+        "token_file",
+    }
+)
 
 
 @contextmanager
@@ -33,52 +48,67 @@ def config_file(config: Config) -> Iterator[str]:
         raise TypeError(f"the configuration is {config!r}, expected the path of a file or a dictionary")
     with tempfile.TemporaryDirectory(prefix="kurs-") as folder:
         path = Path(folder) / "config.toml"
-        path.write_text(toml_of(config, Path()), encoding="utf-8")
+        text = _native.toml_of_json(json.dumps(_for_json(config), default=str))
+        path.write_text(text, encoding="utf-8")
         yield str(path)
 
 
-def toml_of(tables: Mapping[str, Any], folder: Path) -> str:
-    """The text of a configuration whose paths are relative to a folder, with whole paths."""
-    return _native.toml_of_json(json.dumps(_for_json(tables, folder), default=str))
-
-
-def _for_json(value: Any, folder: Path, key: str = "") -> Any:
+def _for_json(value: Any, key: str = "") -> Any:
     """Arrays as lists, paths whole, and only numbers that JSON has."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {name: _for_json(inner, folder, name) for name, inner in value.items()}
+        return {name: _for_json(inner, name) for name, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_for_json(inner, folder, key) for inner in value]
+        _check_list(value, key)
+        return [_for_json(inner, key) for inner in value]
     if isinstance(value, float) and not math.isfinite(value):
         raise _native.UsageError(f"{key} is {value}, expected a finite number")
-    if key in _PATHS and isinstance(value, (str, PathLike)):
-        return str((folder / value).absolute())
-    return value
+    return whole_paths(value, Path.cwd(), key)
+
+
+def _check_list(values: Sequence[Any], key: str) -> None:
+    if any(value is None for value in values):
+        raise _native.UsageError(f"{key} has None in a list, expected values")
+
+
+def whole_paths(value: Any, folder: Path, key: str = "") -> Any:
+    """Tables, or the value of a key, whose paths are relative to a folder: with whole ones."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: whole_paths(inner, folder, name) for name, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [whole_paths(inner, folder, key) for inner in value]
+    # Of an override the last part is the key.
+    is_path = re.split(r"__|\.", str(key))[-1] in _PATHS and isinstance(value, (str, PathLike))
+    return str(folder / value) if is_path else value
 
 
 def settings(overrides: Mapping[str, Any], config: Config = "") -> list[str]:
     """`--set` for each override; `nav__as_received=True` sets the key `nav.as_received`, None leaves one as it is.
 
-    Paths are relative to the file of the configuration, of a dictionary to the working directory.
+    Paths are relative to the file `config`, of a dictionary to the working directory.
     """
     if isinstance(config, Mapping):
-        overrides = {key: _for_json(value, Path(), key.rpartition("__")[2]) for key, value in overrides.items()}
+        overrides = whole_paths(overrides, Path.cwd())
     return [
         argument
         for key, value in overrides.items()
         if value is not None
-        for argument in ("--set", f"{key.replace('__', '.')}={_toml_value(value)}")
+        for argument in ("--set", f"{key.replace('__', '.')}={_toml_value(value, key)}")
     ]
 
 
-def _toml_value(value: Any) -> str:
+def _toml_value(value: Any, key: str) -> str:
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, (str, PathLike)):
-        return json.dumps(str(value), ensure_ascii=False)
+        # TOML knows no halves of a character, and escapes one more than JSON.
+        return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, (list, tuple)):
-        return "[" + ",".join(_toml_value(inner) for inner in value) + "]"
+        _check_list(value, key)
+        return "[" + ",".join(_toml_value(inner, key) for inner in value) + "]"
     # TOML writes nan and inf as Python does.
     return repr(value) if isinstance(value, float) else json.dumps(value)
 
@@ -179,8 +209,8 @@ def solve(config: Config, *, out: str | PathLike[str] | None = None, **overrides
     """Attitude `ned_from_body` (degrees), baselines (east-north-up, metres) and positions of every epoch.
 
     `config`: path of a TOML file, or its tables as a dictionary, whose paths are relative to the working directory.
-    `overrides`: keys of `[solve]`, as `--set`; `table__key` for those of another table. `out`: folder that keeps the
-    files. Raises UsageError and InputError with the words of the command line.
+    `overrides`: keys of `[solve]`, as `--set`; `table__key` for those of another table; their paths are relative to what
+    those of `config` are. `out`: folder that keeps the files. Raises UsageError and InputError with the words of the command line.
     """
     return Solution(config, overrides, out)
 

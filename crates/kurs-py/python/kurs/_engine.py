@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from io import StringIO
 from typing import Any
 
 from kurs import _native
@@ -30,7 +31,7 @@ class Engine:
 
     def __init__(self, config: Config, *, deadline_s: float | None = None, **overrides: Any) -> None:
         with config_file(config) as path:
-            assignments = settings(overrides)[1::2]
+            assignments = settings(overrides, config)[1::2]
             self._engine = _native.NativeEngine(path, assignments, deadline_s)
         self._columns = self._engine.columns()
         #: Names of the antennas, in the order of the configuration; the last one is "station" if there is a `[station]`.
@@ -71,7 +72,8 @@ class Engine:
 
     def _rows(self, lines: tuple[str, str, str, str]) -> list[Row]:
         attitude, *others = (
-            [_row(columns, fields) for fields in csv.reader(text.splitlines())]
+            # Lines end with this alone: a name may hold what else ends lines in Unicode.
+            [_row(columns, fields) for fields in csv.reader(StringIO(text, newline="\n"))]
             for columns, text in zip(self._columns, lines, strict=True)
         )
         for row in attitude:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from os import PathLike
@@ -24,28 +25,37 @@ _KINDS = {"C": "pseudorange_m", "L": "phase_cycles", "D": "doppler_hz", "S": "cn
 
 def paths(given: Paths) -> list[str]:
     """Paths as a list of texts."""
-    return [str(given)] if isinstance(given, (str, PathLike)) else [str(path) for path in given]
+    listed = [given] if isinstance(given, (str, PathLike, bytes)) else list(given)
+    for path in listed:
+        if not isinstance(path, (str, PathLike)):
+            raise TypeError(f"the path is {path!r}, expected a text or an object of a path")
+    return [str(path) for path in listed]
+
+
+def _between(time: Sequence[Any]) -> tuple[int, int]:
+    """First and last instant, nanoseconds."""
+    if isinstance(time, str) or len(time) != 2:
+        raise ValueError(f"time is {time!r}, expected two instants, the first and the last, or None for one of them")
+    first, last = (
+        always if instant is None else _nanoseconds(instant) for instant, always in zip(time, _ALWAYS, strict=True)
+    )
+    return first, last
 
 
 def _nanoseconds(instant: Any) -> int:
-    if getattr(instant, "tzinfo", None) is not None:
-        raise ValueError(f"time: {instant!r} has a time zone, expected GPST without one")
-    nanoseconds = np.datetime64(instant, "ns")
-    if np.isnat(nanoseconds):
-        raise ValueError(f"time: {instant!r} is no instant")
-    if abs(np.datetime64(instant, "s").astype(np.int64)) > _ALWAYS[1] // 10**9:
-        raise ValueError(f"time: {instant!r} is beyond the years 1678 to 2262")
-    return int(nanoseconds.astype(np.int64))
-
-
-def _between(time: tuple[Any, Any] | None) -> tuple[int, int]:
-    """First and last instant as nanoseconds; None is open."""
-    if time is None:
-        return _ALWAYS
-    if len(time) != 2:
-        raise ValueError(f"time has {len(time)} instants, expected the first and the last")
-    first, last = (None if instant is None else _nanoseconds(instant) for instant in time)
-    return (_ALWAYS[0] if first is None else first, _ALWAYS[1] if last is None else last)
+    has_zone = getattr(instant, "tzinfo", None) is not None or (
+        isinstance(instant, str) and re.search(r"[T ].*(Z|[+-][0-9:]+)$", instant.strip(), re.IGNORECASE)
+    )
+    if has_zone:
+        raise ValueError(f"time has {instant!r}, expected an instant without a zone, GPST")
+    if isinstance(instant, (int, np.integer)):
+        return int(instant)
+    coarse = np.datetime64(instant)
+    if np.isnat(coarse):
+        raise ValueError(f"time has {instant!r}, expected an instant, or None for an open end")
+    if not 1678 <= int(coarse.astype("datetime64[Y]").astype(np.int64)) + 1970 <= 2261:
+        raise ValueError(f"time has {instant!r}, expected an instant from 1678 to 2261, or None for an open end")
+    return int(coarse.astype("datetime64[ns]").astype(np.int64))
 
 
 class OfFiles(Table):
@@ -96,16 +106,17 @@ def read_obs(
     *,
     systems: str | None = None,
     signals: str | Sequence[str] | None = None,
-    time: tuple[Any, Any] | None = None,
+    time: Sequence[Any] | None = None,
 ) -> Observations:
     """Observations of one antenna (RINEX 2 to 4, CRINEX, UBX, RTCM 3, SBF, packed or not) as a long table.
 
     `path`: one file or several in any order; epochs of a file that are not later than those before are skipped, which
     `damage` of the table tells. `systems`: letters, "GE". `signals`: RINEX codes with the letter of the system, or bands:
-    "G1C" or ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes; None: open.
+    "G1C" or ["G1C", "E5"]. `time`: first and last instant, GPST, as anything that numpy.datetime64 takes; None leaves an end open.
     """
+    between = _ALWAYS if time is None else _between(time)
     wanted = [signals] if isinstance(signals, str) else None if signals is None else list(signals)
-    return Observations(*_native.read_obs(paths(path), systems, wanted, _between(time)))
+    return Observations(*_native.read_obs(paths(path), systems, wanted, between))
 
 
 class Navigation:

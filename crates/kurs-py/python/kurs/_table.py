@@ -132,7 +132,7 @@ def _struct(columns: Mapping[str, NDArray[Any] | Words], rows: int) -> Any:
             return na.float64(), [_bits(~np.isnan(column)), column]
         if column.dtype.kind == "M":
             return na.timestamp("ns"), [None, column.view(np.int64)]
-        return na.int64(), [None, column.astype(np.int64)]
+        return getattr(na, column.dtype.name)(), [None, column]
 
     arrays = {name: array(column) for name, column in columns.items()}
     children = [na.c_array_from_buffers(kind, rows, buffers) for kind, buffers in arrays.values()]

@@ -10,6 +10,8 @@ def solve(obs: Paths, nav: Navigation, *, elevation_mask_deg: float = 10.0) -> O
     NaN where the satellites do not determine a place. `obs`: one file or several in any order; epochs of a file that are not
     later than those before are skipped, which `damage` of the table tells.
     """
+    if not isinstance(nav, Navigation):
+        raise TypeError(f"nav is {nav!r}, expected what read_nav gives")
     return OfFiles(*_native.point_solve(paths(obs), nav.native, elevation_mask_deg))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from os import PathLike
@@ -77,14 +77,28 @@ def _entries(manifest: Path) -> list[dict[str, str]]:
     # The command line checks it in words; this only needs the labels and paths.
     try:
         with manifest.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.DictReader((line for line in file if not line.startswith("#")), skipinitialspace=True)
-            # Fields beyond the header are the command line's to tell.
-            entries = [{k.strip(): (v or "").strip() for k, v in row.items() if k is not None} for row in rows]
-    except (OSError, UnicodeDecodeError) as error:
+            rows = [row for row in csv.reader(_without_comments(file), skipinitialspace=True) if row]
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{manifest}: not UTF-8: {error}") from error
+    except (OSError, csv.Error) as error:
         raise UsageError(f"{manifest}: {error}") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    entries = []
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) != len(header):
+            raise UsageError(f"{manifest}: session {number} has {len(row)} fields, expected {len(header)} as in the header")
+        entries.append(dict(zip(header, (field.strip() for field in row), strict=True)))
     if not entries or any("label" not in entry for entry in entries):
         raise UsageError(f"{manifest}: no sessions with a `label`")
     return entries
+
+
+def _without_comments(lines: Iterable[str]) -> Iterator[str]:
+    is_quoted = False
+    for line in lines:
+        if is_quoted or not line.startswith("#"):
+            is_quoted ^= line.count('"') % 2 == 1
+            yield line
 
 
 def _fields(entry: dict[str, str]) -> list[str]:

@@ -12,8 +12,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from kurs._commands import Config, config_file, settings, simulate, solve, toml_of
-from kurs._native import version
+from kurs._commands import Config, config_file, simulate, solve, whole_paths
+from kurs._native import toml_of_json, version
 from kurs._table import Table
 from kurs._whole import whole_file
 
@@ -21,10 +21,9 @@ from kurs._whole import whole_file
 class MonteCarlo:
     """The runs of a scenario: a summary and a table of attitudes for each, in the order of the runs."""
 
-    def __init__(self, folder: Path, runs: int, configuration: str) -> None:
+    def __init__(self, folder: Path, runs: int) -> None:
         self.folder = folder
         self._runs = runs
-        self._configuration = configuration
 
     def __len__(self) -> int:
         return self._runs
@@ -32,21 +31,15 @@ class MonteCarlo:
     def summary(self, run: int) -> dict[str, Any]:
         """The summary.json of a run, with its seed."""
         found: dict[str, Any] = json.loads((_folder(self.folder, run) / "run.json").read_text(encoding="utf-8"))
-        if found["seed"] != seed_of(self._configuration, run):
-            raise RuntimeError(f"{self.folder} holds the runs of another configuration by now: give each its own `out`")
         return found
 
     def attitude(self, run: int) -> Table:
         """Attitudes `ned_from_body` (degrees) of a run."""
-        return self._table(run, "attitude")
+        return Table.read_csv(_folder(self.folder, run) / "attitude.csv")
 
     def truth(self, run: int) -> Table:
         """The truth of a run."""
-        return self._table(run, "truth")
-
-    def _table(self, run: int, name: str) -> Table:
-        self.summary(run)
-        return Table.read_csv(_folder(self.folder, run) / f"{name}.csv")
+        return Table.read_csv(_folder(self.folder, run) / "truth.csv")
 
 
 def seed_of(configuration: str, run: int) -> int:
@@ -64,7 +57,7 @@ def monte_carlo(
     solve_with: Mapping[str, Any] | None = None,
     **overrides: Any,
 ) -> MonteCarlo:
-    """Simulates and solves a scenario `runs` times into the folder `out`; attitudes are `ned_from_body`, degrees.
+    """Simulates and solves a scenario `runs` times into a folder of its configuration in `out`; attitudes are `ned_from_body`, degrees.
 
     `scenario`: path of a TOML file, name of a built-in one, or its tables; `overrides`: its keys, as `--set`;
     `solve_with`: keys of `[solve]`. The seed of a run is a hash of the configuration and its number, so the result does not
@@ -75,27 +68,33 @@ def monte_carlo(
     folder = Path(out).absolute()
     with config_file(scenario) as path:
         is_file = Path(path).exists()
-        text = _whole(Path(path)) if is_file else path
+        text = Path(path).read_text(encoding="utf-8") if is_file else path
     configuration = json.dumps([version(), text, overrides, dict(solve_with or {})], default=str)
-    tasks = [((text, is_file), run, folder, configuration, overrides, dict(solve_with or {})) for run in range(runs)]
+    # Wherever a run is made, its paths are relative to what they were here.
+    base = Path(scenario).absolute().parent if is_file and not isinstance(scenario, Mapping) else Path.cwd()
+    whole = _with_whole_paths(text, base) if is_file else text
+    whole_overrides = whole_paths(overrides, base)
+    digest = hashlib.sha256(f"{configuration}\n{whole}\n{whole_overrides}".encode()).hexdigest()
+    folder /= f"configuration={digest[:16]}"
+    tasks = [((whole, is_file), run, folder, configuration, whole_overrides, dict(solve_with or {})) for run in range(runs)]
     if executor is None:
         for task in tasks:
             one_run(*task)
     else:
         for future in [executor.submit(one_run, *task) for task in tasks]:
             future.result()
-    return MonteCarlo(folder, runs, configuration)
+    return MonteCarlo(folder, runs)
 
 
-def _whole(file: Path) -> str:
-    """The text of a scenario, with whole paths if it names files: the runs have it in folders of their own."""
-    text = file.read_text(encoding="utf-8")
+def _with_whole_paths(text: str, folder: Path) -> str:
+    """The text of a scenario in a folder with whole paths; as it is where there are none."""
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
-        return text  # told in the words of the command line
-    named, elsewhere = (toml_of(tables, folder) for folder in (file.parent, file.parent / "elsewhere"))
-    return text if named == elsewhere else named
+        # The command says it in its words.
+        return text
+    whole = whole_paths(tables, folder)
+    return text if whole == tables else toml_of_json(json.dumps(whole, default=str))
 
 
 def one_run(
