@@ -330,6 +330,13 @@ impl FloatSolution {
         float
     }
 
+    /// What the corrections add to the computed range of a link, `gᵀ x̂`, m.
+    #[must_use]
+    pub fn along_m(&self, link: &Link) -> f64 {
+        let block = self.rovers.iter().position(|rover| *rover == link.antenna);
+        block.map_or(0.0, |block| link.gradient.dot(&self.correction_m.fixed_rows::<3>(3 * block)))
+    }
+
     /// Number of components of the baselines that are known from outside ([`informed`](Self::informed)).
     #[must_use]
     pub fn told_components(&self) -> usize {

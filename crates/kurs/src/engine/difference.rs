@@ -5,7 +5,9 @@ use crate::ephemeris::NavigationData;
 use crate::float_solution::{CodeFloat, Fit, FloatSolution, NoFloat};
 use crate::link_noise;
 use crate::observation::ArrayEpoch;
+use crate::sky::Variances;
 use crate::solution::{EpochSolution, Reason};
+use crate::time::GpsTime;
 
 use super::estimator::Estimator;
 use super::fix::Epoch;
@@ -32,9 +34,9 @@ impl Estimator {
             self.form_links(navigation, observed, located, &frame, &mut links);
             let groups = difference::group(&mut links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&links));
-            match self.float(&mut links, &groups, &frame) {
+            let time = self.settings.direction.running_time(observed.time);
+            match self.float(&mut links, &groups, &frame, time) {
                 Ok((float, code_fit)) => {
-                    let time = self.settings.direction.running_time(observed.time);
                     let began_anew = false;
                     return Ok(Epoch { time, frame, links, groups, float, code_fit, began_anew });
                 }
@@ -100,6 +102,7 @@ impl Estimator {
         links: &mut [Link],
         groups: &[core::ops::Range<usize>],
         frame: &CommonFrame,
+        time: GpsTime,
     ) -> Result<(FloatSolution, Fit), NoFloat> {
         let a_priori: Vec<_> = links.iter().map(|link| link.variances).collect();
         let is_young = self.levels.is_young();
@@ -113,6 +116,9 @@ impl Estimator {
             baseline_unknowns: float.correction_m.len(),
         };
         self.levels.learn_code(&residuals);
+        if self.levels.want_changes() {
+            self.learn_changes(links, &a_priori, &float, time);
+        }
         if !is_young {
             return Ok((float, code_fit));
         }
@@ -120,6 +126,24 @@ impl Estimator {
         self.weigh(links, groups);
         let (float, _) = robust_float(links, groups, frame)?;
         Ok((float, code_fit))
+    }
+
+    /// The level of the phases from their changes, before fixes teach it.
+    fn learn_changes(
+        &mut self,
+        links: &[Link],
+        a_priori: &[Variances],
+        float: &FloatSolution,
+        time: GpsTime,
+    ) {
+        let continuity = &self.continuity;
+        let arc = |link: &Link| {
+            let arc = continuity.arc(link.antenna, link.satellite, link.signal)?;
+            Some(arc.number)
+        };
+        if let Some(changes) = self.phase_changes.take(links, a_priori, float, arc, time) {
+            self.levels.learn_changes(changes);
+        }
     }
 
     /// Variances of the links: levels of the session, edges, common errors of the bands.

@@ -28,6 +28,7 @@ use super::fix::{Epoch, Fix};
 use super::locate::{CommonFrame, Located, locate};
 use super::noise_levels::{NoiseLevels, Residuals};
 use super::orientation::{self, KnownBody, Orientation};
+use super::phase_changes::PhaseChanges;
 use super::predicted_attitude::PredictedBaselines;
 use super::search::{Problem, Searches};
 use super::session_fit::{Geometry, SessionFit};
@@ -56,6 +57,7 @@ pub(crate) struct Estimator {
     pub(super) recursive: Option<RecursiveFloat>,
     pub(super) link_noise: LinkNoise,
     pub(super) levels: NoiseLevels,
+    pub(super) phase_changes: PhaseChanges,
     pub(super) glonass_ifb: GlonassIfb,
     searches: Searches,
     subsets: Subsets,
@@ -118,6 +120,7 @@ impl Estimator {
             continuity: Continuity::default(),
             link_noise: LinkNoise::default(),
             levels: NoiseLevels::default(),
+            phase_changes: PhaseChanges::default(),
             glonass_ifb: GlonassIfb::default(),
             searches: Searches::default(),
             subsets: Subsets::default(),
@@ -179,7 +182,7 @@ impl Estimator {
         self.levels.begin(time);
         let frame = CommonFrame::at_one_place(horizon, self.settings.antennas);
         let groups = difference::group(&mut links);
-        let (float, code_fit) = self.float(&mut links, &groups, &frame)?;
+        let (float, code_fit) = self.float(&mut links, &groups, &frame, time)?;
         let epoch = Epoch { time, frame, links, groups, float, code_fit, began_anew: false };
         let fixed = self.fix(epoch, None);
         let Judged { oriented, outcome, .. } = self.accept(self.orient(fixed));
@@ -310,6 +313,7 @@ impl Estimator {
         } else {
             (found.misfit, Geometry::Fits(found.misfit))
         };
+        self.session_fit.hear_of_noise(self.levels.least_phase_factor());
         self.session_fit.take(misfit, geometry, self.levels.weight_of_squares(), epoch.time);
     }
 

@@ -7,9 +7,10 @@
 //! *Code* residuals of the float solution need no integers: they teach from the first epoch on. *Phase*
 //! residuals need integers, and integers that were chosen because they fit have residuals that are too
 //! small. So only epochs whose model is so strong that nothing was chosen teach the phase level
-//! ([`NoiseLevels::learn_phase`]). Until then it is tied to that of most of the code – reflections spoil both – and
-//! known with the few degrees of freedom of [`PHASE_PRIOR`], over which the likelihood of the integers is
-//! integrated (`likelihood.rs`).
+//! ([`NoiseLevels::learn_phase`]). Until then it is that of most of the code – reflections spoil both – or, if
+//! that is more, what the changes of the phases from epoch to epoch show (`phase_changes.rs`), and is known with
+//! the few degrees of freedom of [`PHASE_PRIOR`], over which the likelihood of the integers is integrated
+//! (`likelihood.rs`).
 //!
 //! Multipath hardly changes from one epoch to the next, so an epoch counts as far as it is independent
 //! of the one before. How much of the noise is of that slow kind the residuals of successive epochs tell
@@ -49,7 +50,7 @@ const MIN_SCALE: f64 = 0.2;
 /// "All noise changes slowly" counts as much as so many squares.
 const SLOW_PRIOR: f64 = 100.0;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
-const MAX_SQUARE: f64 = 2.7 * 2.7;
+pub(super) const MAX_SQUARE: f64 = 2.7 * 2.7;
 /// Of what most residuals say: one teaches no more than one of 1.5 standard deviations would, so that the level bears reflections of a
 /// third of the satellites, `MOST_MEAN/1.5²`. With 2.7 it grows without end from an eighth on.
 const MOST_SQUARE: f64 = 1.5 * 1.5;
@@ -58,14 +59,16 @@ const MOST_SQUARE: f64 = 1.5 * 1.5;
 const MOST_MEAN: f64 = 0.778;
 /// Share of common errors that baselines leave at least, so that nothing is divided by zero.
 const MIN_LEFT: f64 = 0.2;
+/// Beside fixes with so many times the degrees of freedom of [`PHASE_PRIOR`] that prior hardly counts.
+const KNOWN: f64 = 10.0;
 /// While the code's level is known with less than this, an epoch's own residuals enter its weights.
 const YOUNG: f64 = 30.0;
 
 /// Squares in units of the a-priori variances, and the degrees of freedom they stand for.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Squares {
-    sum: f64,
-    degrees_of_freedom: f64,
+pub(super) struct Squares {
+    pub(super) sum: f64,
+    pub(super) degrees_of_freedom: f64,
 }
 
 impl Squares {
@@ -73,6 +76,13 @@ impl Squares {
     fn factor(self, prior_factor: f64, degrees_of_freedom: f64) -> f64 {
         let sum = self.sum + prior_factor * degrees_of_freedom;
         (sum / (self.degrees_of_freedom + degrees_of_freedom)).max(MIN_SCALE * MIN_SCALE)
+    }
+
+    /// Two standard deviations `√(2/f)` of the mean square below what it is beside [`PHASE_PRIOR`]: the greater of two
+    /// levels shall not be the greater one by chance.
+    fn least(self) -> f64 {
+        let degrees_of_freedom = self.degrees_of_freedom + PHASE_PRIOR;
+        self.factor(1.0, PHASE_PRIOR) * (1.0 - 2.0 * (2.0 / degrees_of_freedom).sqrt())
     }
 
     /// Takes the squares of one epoch in.
@@ -195,6 +205,8 @@ impl Kind {
 pub(super) struct NoiseLevels {
     code: Kind,
     phase: Kind,
+    /// Of the phases' changes from epoch to epoch.
+    changes: Squares,
     /// Of the epoch, and what has passed since the one before.
     time: Option<GpsTime>,
     elapsed_s: f64,
@@ -228,10 +240,25 @@ impl NoiseLevels {
         self.code.all.factor(1.0, CODE_PRIOR)
     }
 
-    /// Without a better knowledge phases are as much noisier than expected as the code is, but for the outliers.
+    /// Until learnt, phases are as much noisier than assumed as most of the code, or as their changes show.
     fn phase_factor(&self) -> f64 {
         let code = self.code_factor().min(self.code.most.factor(1.0, CODE_PRIOR));
-        self.phase.all.factor(code.max(1.0), PHASE_PRIOR)
+        self.phase.all.factor(code.max(self.least_phase_factor()), PHASE_PRIOR)
+    }
+
+    /// What the changes of the phases show, whatever the integers and the geometry are; 1 or more.
+    pub(super) fn least_phase_factor(&self) -> f64 {
+        self.changes.least().max(1.0)
+    }
+
+    /// Whether the changes of the phases still say something: fixes have not taught their level.
+    pub(super) fn want_changes(&self) -> bool {
+        self.phase.all.degrees_of_freedom < KNOWN * PHASE_PRIOR
+    }
+
+    /// Learns from what the changes of the phases leave, in units of the a-priori variances.
+    pub(super) fn learn_changes(&mut self, changes: Squares) {
+        self.changes.learn(changes);
     }
 
     /// Degrees of freedom with which the code's level is known.

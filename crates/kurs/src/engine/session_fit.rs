@@ -26,6 +26,8 @@ const NEUTRAL_MEAN: f64 = 2.0 * core::f64::consts::LN_2;
 /// The odds where epochs fit badly, at most: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
 /// fixes (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
 const MAX_DOUBT: f64 = 0.1;
+/// With noise of more than this many times the variance that earlier epochs were judged by, they say nothing of the geometry.
+const GROWN: f64 = 1.25;
 /// Below this doubt the geometry is out of the question, unless the fit gets bad.
 const MIN_DOUBT: f64 = 1e-7;
 
@@ -37,6 +39,8 @@ pub(super) struct SessionFit {
     /// Log₁₀ odds for the known geometry: an independent epoch with mean square 1 adds one.
     evidence: f64,
     time: Option<GpsTime>,
+    /// Least noise of the phases by which the first of them was judged.
+    least_noise: f64,
 }
 
 /// What an epoch says of the known geometry.
@@ -53,6 +57,13 @@ fn mean_square(fit: Fit) -> f64 {
 }
 
 impl SessionFit {
+    /// Begins anew if the least noise of the phases, a factor on their variances, turns out to be larger than was thought.
+    pub(super) fn hear_of_noise(&mut self, least_noise: f64) {
+        if least_noise > GROWN * self.least_noise {
+            *self = Self { least_noise, time: self.time, ..Self::default() };
+        }
+    }
+
     /// Takes in the cost of an epoch's best integers, which is `weight` of an independent one, and what it says of the known
     /// `geometry`; where it only speaks against that, a good fit is no evidence for it.
     pub(super) fn take(&mut self, fit: Fit, geometry: Geometry, weight: f64, time: GpsTime) {
@@ -107,6 +118,19 @@ mod tests {
         // The first of three has faded by 2/300.
         assert!((after(3, 1.0) / (PRIOR_DOUBT * 10f64.powf(-2.99)) - 1.0).abs() < 0.02);
         assert!(after(6, 1.0) == 0.0);
+    }
+
+    /// What did not fit by less noise than there is says nothing.
+    #[test]
+    fn more_noise_begins_anew() {
+        let fit = Fit { sum: 40.0, degrees_of_freedom: 10 };
+        let mut session = SessionFit::default();
+        let p_values = [1.0, 1.05, 4.0].map(|least_noise| {
+            session.hear_of_noise(least_noise);
+            session.take(fit, Geometry::Fits(fit), 1.0, GpsTime::default());
+            session.judge(MAX_KNOWN).1
+        });
+        assert!(p_values[1] < 0.1 * p_values[0] && p_values[2] == p_values[0]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
-//! Receivers that do not measure alike: GLONASS channels, BeiDou orbits.
+//! Receivers that do not measure alike, or not as is assumed: GLONASS channels, BeiDou orbits, noise.
 
 use kurs::engine::{Ambiguities, Constraint};
 use kurs::float_solution::recursive::Motion;
 use kurs::observation::ArrayEpoch;
 use kurs::signal::System;
-use kurs_sim::scenario::{BeiDouOrbit, Bias};
+use kurs::solution::Status;
+use kurs_sim::scenario::{BeiDouOrbit, Bias, Law};
 
 use super::scene::{Outcome, Scene};
 
@@ -168,5 +169,40 @@ fn code_full_of_reflections() {
         );
         println!("{antennas} antennas, code of one off by up to 30 m: {right} of {spoilt} right");
         assert!(f64::from(right) >= 0.5 * f64::from(spoilt), "{right} of {spoilt}");
+    }
+}
+
+/// White noise of 3 and 4.8 mm, of which nothing is told and which no fix teaches at first: the changes of the phases show it, and
+/// neither the lengths nor the shape of the array are blamed.
+#[test]
+fn receivers_noisier_than_assumed() {
+    for (antennas, phase_sd_cycles, least_fixed) in
+        [(2, 0.01576, 0.6), (3, 0.01576, 0.6), (2, 0.025, 0.0), (3, 0.025, 0.0)]
+    {
+        let (mut rows, mut fixed, mut blamed) = (0, 0, 0);
+        for seed in 1..=4 {
+            let scene = Scene::new(antennas, |scenario| {
+                (scenario.interval_s, scenario.duration_s) = (1.0, 100.0);
+                scenario.seed = seed;
+                scenario.noise.law = Law::Mixed;
+                (scenario.noise.code_sd_m, scenario.noise.phase_sd_cycles) = (0.3, phase_sd_cycles);
+                scenario.noise.cn0_zenith_dbhz = 60.0;
+                (scenario.multipath.code_sd_m, scenario.multipath.phase_sd_m) = (0.0, 0.0);
+            });
+            scene.run(
+                |_, epoch| vec![epoch],
+                |_, row, outcome| {
+                    assert_ne!(outcome, Outcome::Wrong, "seed {seed}: {row:?}");
+                    rows += 1;
+                    fixed += usize::from(outcome == Outcome::Right);
+                    blamed += usize::from(row.status() == Status::Inconsistent);
+                },
+            );
+        }
+        println!(
+            "{antennas} antennas, {phase_sd_cycles} cycles: {fixed} fixed, {blamed} blamed, of {rows}"
+        );
+        assert!(fixed as f64 >= least_fixed * rows as f64, "{fixed} of {rows}");
+        assert!(20 * blamed <= rows, "{blamed} of {rows}");
     }
 }
