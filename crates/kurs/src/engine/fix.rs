@@ -13,6 +13,7 @@ use crate::solution::Reason;
 use crate::time::GpsTime;
 
 use super::acceptance::{Checks, Known};
+use super::code_free::code_is_useless;
 use super::locate::CommonFrame;
 use super::noise_levels;
 use super::search::{Found, Problem, Searches};
@@ -45,8 +46,17 @@ impl Epoch {
         settings: &'a Settings,
         known: Known,
     ) -> Problem<'a> {
-        let (links, frame, rate) = (&self.links, &self.frame, settings.max_wrong_fix_rate);
-        Problem { float, links, frame, settings, rate, known, doubt: 0.0, begins_free: false }
+        Problem {
+            float,
+            links: &self.links,
+            frame: &self.frame,
+            settings,
+            rate: settings.max_wrong_fix_rate,
+            known,
+            doubt: 0.0,
+            begins_free: false,
+            is_code_useless: code_is_useless(self.code_fit),
+        }
     }
 }
 

@@ -87,6 +87,15 @@ impl Likelihood {
         found + in_code.max(in_phase)
     }
 
+    /// Excess over the cost of the best beyond which rivals are less probable than `share` of it, where the best
+    /// leave what right integers do, `q = f`:
+    ///
+    /// `(ν + f) (share^{−2/(ν + f)} − 1)`
+    pub(super) fn horizon(&self, share: f64) -> f64 {
+        let of = |total: f64| total * (share.powf(-2.0 / total) - 1.0);
+        of(self.code_total).max(of(self.phase_total))
+    }
+
     /// `p(z) / p(best)`
     fn ratio(&self, other: Squares, best: Squares) -> f64 {
         let code = (self.code_prior + other.code) / (self.code_prior + best.code);

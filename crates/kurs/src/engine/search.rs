@@ -26,8 +26,12 @@ use super::work_budget::{Search, WorkBudget};
 const CANDIDATES: usize = 4;
 /// Candidates that the search of a whole array weighs, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
-/// Rivals of an array that cost more than the best by more than this are not looked for.
+/// Rivals of an array that are less probable than this share of what all of them may be are not looked for, nor those that
+/// cost more than the best by more than the horizon: proving that nothing lies far beyond the best takes longer than finding it.
+const RIVAL_SHARE: f64 = 0.1;
 const ARRAY_HORIZON: f64 = 30.0;
+/// Of the work of an array's search, where code full of reflections leads it away: the rest is for the trial without code.
+const IN_VAIN: usize = 3;
 /// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers took five at
 /// most, and those that took more than sixteen cost four times their degrees of freedom.
 const STRONG_MODEL_NODES: usize = 64;
@@ -52,6 +56,8 @@ pub(super) struct Problem<'a> {
     pub(super) doubt: f64,
     /// Whether to look for integers without the constraint first: where none come near, none do with it.
     pub(super) begins_free: bool,
+    /// Whether the code contradicts itself, so that a trial without it may come after.
+    pub(super) is_code_useless: bool,
 }
 
 /// The best integers and how they stand against the others.
@@ -93,9 +99,6 @@ pub(super) struct Searches {
 
 impl Default for Searches {
     fn default() -> Self {
-        // Proving that nothing lies far beyond the best takes longer than finding it.
-        let mut array = ArrayConstrained::default();
-        array.horizon = ARRAY_HORIZON;
         let mut free = IntegerLeastSquares::default();
         free.node_budget_of_strong_models = STRONG_MODEL_NODES;
         let mut parts = PartwiseLeastSquares::default();
@@ -104,7 +107,7 @@ impl Default for Searches {
             free,
             parts,
             length: LengthConstrained::default(),
-            array,
+            array: ArrayConstrained::default(),
             code_free: CodeFree::default(),
             budget: WorkBudget::default(),
             success_without_constraint: None,
@@ -284,11 +287,32 @@ impl Searches {
         found.map_err(reason)
     }
 
-    /// All baselines together, as the known array turned by one rotation.
+    /// All baselines together, as the known array turned by one rotation. Rivals are looked for as far as they are of weight
+    /// beside integers that fit well; where these fit so badly that what lies beyond leaves them unsure, again and farther.
     pub(super) fn with_array(
         &mut self,
         problem: &Problem,
         array: &AntennaArray,
+    ) -> Result<Found, Reason> {
+        // The attitude remains of the baselines' coordinates.
+        let constrained = (3 * problem.float.rovers.len()).saturating_sub(3).max(1);
+        let likelihood = Likelihood::new(problem.float, problem.known, constrained);
+        let near = likelihood.horizon(RIVAL_SHARE * problem.rate).min(ARRAY_HORIZON);
+        let found = self.with_array_within(problem, array, constrained, near)?;
+        let is_alone = self.array.proven_to() > found.misfit.sum + 0.999 * near;
+        if problem.is_sure(&found) || !is_alone || near == ARRAY_HORIZON {
+            return Ok(found);
+        }
+        Ok(self.with_array_within(problem, array, constrained, ARRAY_HORIZON).unwrap_or(found))
+    }
+
+    /// As [`with_array`](Self::with_array), with the rivals within a horizon.
+    fn with_array_within(
+        &mut self,
+        problem: &Problem,
+        array: &AntennaArray,
+        constrained: usize,
+        horizon: f64,
     ) -> Result<Found, Reason> {
         let float = problem.float;
         let positions_m = array.positions_m();
@@ -303,7 +327,10 @@ impl Searches {
             .collect();
         let mixed = mixed_float(float, &problem.frame.approximate(), &order)?;
         let array_sd_m = problem.settings.array_sd_m;
-        self.array.work_budget = self.budget.nodes(Search::Array)?;
+        self.array.horizon = horizon;
+        let most_work = self.budget.nodes(Search::Array)?;
+        self.array.work_budget =
+            if problem.is_code_useless { most_work / IN_VAIN } else { most_work };
         let found = self.array.solve(mixed, &ambiguities_of, &body_m, array_sd_m, ARRAY_CANDIDATES);
         self.budget.spend(Search::Array, self.array.work(), order.len());
         let candidates = found.map_err(reason)?;
@@ -319,8 +346,6 @@ impl Searches {
         let integers: Vec<Vec<i64>> = candidates.iter().map(in_place).collect();
         let costs = candidates.iter().map(|c| c.cost);
         let list: Vec<_> = integers.iter().map(Vec::as_slice).zip(costs).collect();
-        // The attitude remains of the baselines' coordinates.
-        let constrained = (3 * body_m.len()).saturating_sub(3).max(1);
         problem.weigh(float, &list, self.array.proven_to(), rate, constrained)
     }
 

@@ -226,11 +226,14 @@ fn fix_without(
     let rovers: Vec<usize> = frame.rovers().collect();
     let float = FloatSolution::solve(&links, &groups, frame.reference, &rovers).ok()?;
     let float = if left_out == LeftOut::Code { float.without_code() } else { float };
-    let Doubted { settings, known, doubt, .. } = *doubted;
-    // Without code nothing is found without the geometry.
-    let begins_free = doubted.begins_free() && !float.is_without_code();
-    let problem =
-        Problem { float: &float, links: &links, frame, settings, rate, known, doubt, begins_free };
+    let problem = Problem {
+        links: &links,
+        rate,
+        doubt: doubted.doubt,
+        // Without code nothing is found without the geometry.
+        begins_free: doubted.begins_free() && !float.is_without_code(),
+        ..doubted.epoch.problem(&float, doubted.settings, doubted.known)
+    };
     let fix = searches.fix(&problem);
     Some(Subset { left_out, links, groups, float, fix })
 }
