@@ -7,7 +7,6 @@ use crate::link_noise;
 use crate::observation::ArrayEpoch;
 use crate::sky::Variances;
 use crate::solution::{EpochSolution, Reason};
-use crate::time::GpsTime;
 
 use super::estimator::Estimator;
 use super::fix::Epoch;
@@ -34,9 +33,9 @@ impl Estimator {
             self.form_links(navigation, observed, located, &frame, &mut links);
             let groups = difference::group(&mut links);
             row.shared_satellites = row.shared_satellites.max(shared_satellites(&links));
-            let time = self.settings.direction.running_time(observed.time);
-            match self.float(&mut links, &groups, &frame, time) {
+            match self.float(&mut links, &groups, &frame) {
                 Ok((float, code_fit)) => {
+                    let time = self.settings.direction.running_time(observed.time);
                     let began_anew = false;
                     return Ok(Epoch { time, frame, links, groups, float, code_fit, began_anew });
                 }
@@ -102,7 +101,6 @@ impl Estimator {
         links: &mut [Link],
         groups: &[core::ops::Range<usize>],
         frame: &CommonFrame,
-        time: GpsTime,
     ) -> Result<(FloatSolution, Fit), NoFloat> {
         let a_priori: Vec<_> = links.iter().map(|link| link.variances).collect();
         let is_young = self.levels.is_young();
@@ -117,7 +115,7 @@ impl Estimator {
         };
         self.levels.learn_code(&residuals);
         if self.levels.want_changes() {
-            self.learn_changes(links, &a_priori, &float, time);
+            self.learn_changes(links, &a_priori, &float);
         }
         if !is_young {
             return Ok((float, code_fit));
@@ -129,14 +127,8 @@ impl Estimator {
     }
 
     /// The level of the phases from their changes, before fixes teach it.
-    fn learn_changes(
-        &mut self,
-        links: &[Link],
-        a_priori: &[Variances],
-        float: &FloatSolution,
-        time: GpsTime,
-    ) {
-        let continuity = &self.continuity;
+    fn learn_changes(&mut self, links: &[Link], a_priori: &[Variances], float: &FloatSolution) {
+        let (continuity, time) = (&self.continuity, self.levels.time());
         let arc = |link: &Link| {
             let arc = continuity.arc(link.antenna, link.satellite, link.signal)?;
             Some(arc.number)

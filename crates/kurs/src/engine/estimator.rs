@@ -182,7 +182,7 @@ impl Estimator {
         self.levels.begin(time);
         let frame = CommonFrame::at_one_place(horizon, self.settings.antennas);
         let groups = difference::group(&mut links);
-        let (float, code_fit) = self.float(&mut links, &groups, &frame, time)?;
+        let (float, code_fit) = self.float(&mut links, &groups, &frame)?;
         let epoch = Epoch { time, frame, links, groups, float, code_fit, began_anew: false };
         let fixed = self.fix(epoch, None);
         let Judged { oriented, outcome, .. } = self.accept(self.orient(fixed));

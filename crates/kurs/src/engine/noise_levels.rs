@@ -219,6 +219,11 @@ impl NoiseLevels {
         self.time = Some(time);
     }
 
+    /// Of the epoch that has begun.
+    pub(super) fn time(&self) -> GpsTime {
+        self.time.unwrap_or_default()
+    }
+
     /// Share of the variance of the phases' noise that changes slowly.
     pub(super) fn slow_share(&self) -> f64 {
         self.phase.slowness.share()
@@ -297,13 +302,15 @@ impl NoiseLevels {
     /// Learns from the code residuals of an epoch whose links were scaled by [`apply`](Self::apply).
     pub(super) fn learn_code(&mut self, residuals: &Residuals) {
         let overall = self.code_factor();
-        residuals.teach(&mut self.code, overall, self.time.unwrap_or_default(), self.elapsed_s);
+        let (time, elapsed_s) = (self.time(), self.elapsed_s);
+        residuals.teach(&mut self.code, overall, time, elapsed_s);
     }
 
     /// Learns from the phase residuals that integers leave which nothing else could have been.
     pub(super) fn learn_phase(&mut self, residuals: &Residuals) {
         let overall = self.phase_factor();
-        residuals.teach(&mut self.phase, overall, self.time.unwrap_or_default(), self.elapsed_s);
+        let (time, elapsed_s) = (self.time(), self.elapsed_s);
+        residuals.teach(&mut self.phase, overall, time, elapsed_s);
     }
 }
 
