@@ -22,39 +22,49 @@ pub type OfLinks<T> = SmallVec<[T; 64]>;
 /// One of each satellite or antenna of a group.
 type OfNodes<T> = SmallVec<[T; 16]>;
 
-/// The graph of one group's usable links: the antenna and the satellite at the ends of each, satellites by number.
+/// The graph of one group's usable links. Nodes are the satellites, in the order of their first links, and behind them
+/// the antennas.
 struct Graph {
-    /// Index of the link, antenna, satellite.
-    edges: OfLinks<(usize, usize, usize)>,
-    antennas: usize,
+    edges: OfLinks<Edge>,
     satellites: usize,
+    nodes: usize,
+}
+
+/// One link, and the nodes at its ends.
+#[derive(Clone, Copy)]
+struct Edge {
+    link: usize,
+    antenna: usize,
+    satellite: usize,
 }
 
 impl Graph {
     fn of(links: &[Link], usable: impl Fn(&Link) -> bool) -> Self {
         let mut named: OfNodes<Satellite> = SmallVec::new();
-        let mut edges = SmallVec::with_capacity(links.len());
+        let mut edges: OfLinks<Edge> = SmallVec::with_capacity(links.len());
         let mut antennas = 0;
-        for (edge, link) in links.iter().enumerate().filter(|(_, link)| usable(link)) {
+        for (link, one) in links.iter().enumerate().filter(|(_, link)| usable(link)) {
             // The links of a satellite stand together.
-            let is_same = |satellite: &Satellite| *satellite == link.satellite;
+            let is_same = |satellite: &Satellite| *satellite == one.satellite;
             let satellite = named.iter().rposition(is_same).unwrap_or_else(|| {
-                named.push(link.satellite);
+                named.push(one.satellite);
                 named.len() - 1
             });
-            antennas = antennas.max(link.antenna + 1);
-            edges.push((edge, link.antenna, satellite));
+            antennas = antennas.max(one.antenna + 1);
+            edges.push(Edge { link, antenna: one.antenna, satellite });
         }
-        Self { edges, antennas, satellites: named.len() }
+        let satellites = named.len();
+        edges.iter_mut().for_each(|edge| edge.antenna += satellites);
+        Self { edges, satellites, nodes: satellites + antennas }
     }
 
     /// The satellites by how well they are seen: those of most antennas first, of these the highest.
     fn references(&self, links: &[Link]) -> OfNodes<usize> {
         let mut seen: OfNodes<(usize, f64)> = smallvec![(0, -1.0); self.satellites];
-        for &(edge, _, satellite) in &self.edges {
-            let (count, sin_elevation) = &mut seen[satellite];
+        for edge in &self.edges {
+            let (count, sin_elevation) = &mut seen[edge.satellite];
             *count += 1;
-            *sin_elevation = sin_elevation.max(links[edge].direction.sin_elevation());
+            *sin_elevation = sin_elevation.max(links[edge.link].direction.sin_elevation());
         }
         let mut satellites: OfNodes<usize> = (0..self.satellites).collect();
         satellites.sort_by(|a, b| {
@@ -65,60 +75,83 @@ impl Graph {
     }
 }
 
+/// A spanning forest of the graph.
+struct Forest {
+    /// Of each node the way to the root of its part, a reference satellite.
+    ways: OfNodes<Option<Way>>,
+    in_tree: OfLinks<bool>,
+}
+
+/// The next link on the way to the root, the node behind it (the root's own is itself), and how many links there are.
+#[derive(Clone, Copy)]
+struct Way {
+    link: usize,
+    next: usize,
+    steps: usize,
+}
+
+impl Forest {
+    fn of(graph: &Graph, links: &[Link]) -> Self {
+        let mut forest = Self {
+            ways: smallvec![None; graph.nodes],
+            in_tree: smallvec![false; graph.edges.len()],
+        };
+        for root in graph.references(links) {
+            if forest.ways[root].is_none() {
+                forest.ways[root] = Some(Way { link: 0, next: root, steps: 0 });
+                forest.grow(graph);
+            }
+        }
+        forest
+    }
+
+    /// Grows until no link leads from a node that it reaches to one that it does not.
+    fn grow(&mut self, graph: &Graph) {
+        let mut has_grown = true;
+        while has_grown {
+            has_grown = false;
+            for (edge, in_tree) in graph.edges.iter().zip(&mut self.in_tree) {
+                let Edge { link, antenna, satellite } = *edge;
+                let (new, next, steps) = match (self.ways[antenna], self.ways[satellite]) {
+                    (None, Some(way)) => (antenna, satellite, way.steps + 1),
+                    (Some(way), None) => (satellite, antenna, way.steps + 1),
+                    _ => continue,
+                };
+                self.ways[new] = Some(Way { link, next, steps });
+                (*in_tree, has_grown) = (true, true);
+            }
+        }
+    }
+
+    /// `link − c − d` with `c = link' − d'`, `d' = link'' − c''` and so on along the ways of both ends, which beyond
+    /// the node where they meet cancel.
+    fn closed_by(&self, edge: &Edge) -> Combination {
+        let mut sum: Combination = smallvec![(edge.link, 1.0)];
+        let mut ends = [(edge.antenna, -1.0), (edge.satellite, -1.0)];
+        while let [Some(first), Some(second)] = ends.map(|(node, _)| self.ways[node])
+            && ends[0].0 != ends[1].0
+        {
+            let (farther, end) = match second.steps > first.steps {
+                true => (second, &mut ends[1]),
+                false => (first, &mut ends[0]),
+            };
+            sum.push((farther.link, end.1));
+            *end = (farther.next, -end.1);
+        }
+        sum.sort_unstable_by_key(|(link, _)| *link);
+        sum
+    }
+}
+
 /// All independent double differences of the links `usable` in one group.
 ///
 /// The reference satellite is the highest of those that most antennas see. Number of rows: [`loops`].
 #[must_use]
 pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combination> {
     let graph = Graph::of(links, usable);
-    // The signed sum of links that determines the term of each antenna and satellite.
-    let mut antennas: OfNodes<Option<Combination>> = smallvec![None; graph.antennas];
-    let mut satellites: OfNodes<Option<Combination>> = smallvec![None; graph.satellites];
-    let mut in_tree: OfLinks<bool> = smallvec![false; graph.edges.len()];
-    for reference in graph.references(links) {
-        if satellites[reference].is_none() {
-            // One term of each connected part is free: the reference satellite's is zero.
-            satellites[reference] = Some(Combination::new());
-            grow(&graph, &mut antennas, &mut satellites, &mut in_tree);
-        }
-    }
-
-    let outside = graph.edges.iter().zip(&in_tree).filter(|(_, in_tree)| !**in_tree);
-    outside
-        .map(|(&(edge, antenna, satellite), _)| {
-            let mut sum: Combination = smallvec![(edge, 1.0)];
-            // link − c − d
-            for term in [&antennas[antenna], &satellites[satellite]] {
-                sum.extend(term.iter().flat_map(negated));
-            }
-            collected(sum)
-        })
-        .collect()
-}
-
-/// Grows the tree until no link leads from a known node to an unknown one.
-fn grow(
-    graph: &Graph,
-    antennas: &mut [Option<Combination>],
-    satellites: &mut [Option<Combination>],
-    in_tree: &mut [bool],
-) {
-    loop {
-        let mut grown = false;
-        for (&(edge, antenna, satellite), in_tree) in graph.edges.iter().zip(&mut *in_tree) {
-            match (&antennas[antenna], &satellites[satellite]) {
-                // c = link − d
-                (None, Some(d)) => antennas[antenna] = Some(link_minus(edge, d)),
-                // d = link − c
-                (Some(c), None) => satellites[satellite] = Some(link_minus(edge, c)),
-                _ => continue,
-            }
-            (*in_tree, grown) = (true, true);
-        }
-        if !grown {
-            return;
-        }
-    }
+    let forest = Forest::of(&graph, links);
+    let outside = graph.edges.iter().zip(&forest.in_tree).filter(|(_, in_tree)| !**in_tree);
+    outside.map(|(edge, _)| forest.closed_by(edge)).collect()
 }
 
 /// How many independent double differences there are of values of links, each with its antenna and satellite and those of a
@@ -152,30 +185,6 @@ pub fn loops(values: &[(usize, Satellite, f64)]) -> (usize, usize) {
         }
     }
     (all, open)
-}
-
-fn link_minus(edge: usize, other: &Combination) -> Combination {
-    let mut sum: Combination = smallvec![(edge, 1.0)];
-    sum.extend(negated(other));
-    sum
-}
-
-fn negated(combination: &Combination) -> impl Iterator<Item = (usize, f64)> {
-    combination.iter().map(|(edge, sign)| (*edge, -sign))
-}
-
-/// A sum in which each link stands once.
-fn collected(mut sum: Combination) -> Combination {
-    sum.sort_by_key(|(edge, _)| *edge);
-    sum.dedup_by(|next, kept| {
-        let same = next.0 == kept.0;
-        if same {
-            kept.1 += next.1;
-        }
-        same
-    });
-    sum.retain(|(_, sign)| *sign != 0.0);
-    sum
 }
 
 /// For each combination a link that no other one contains (each closes a loop of its own); its

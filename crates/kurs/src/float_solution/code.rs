@@ -96,16 +96,13 @@ impl Columns<'_> {
         self.0.iter().position(|rover| *rover == antenna).unwrap_or(self.0.len())
     }
 
-    /// What is not zero of `h`, and where.
-    fn row(self, link: &Link, code_m: f64) -> SmallVec<[(usize, f64); 5]> {
+    /// What may not be zero of `h`, and where, in ascending order; the baseline's part of the reference is.
+    fn row(self, link: &Link, code_m: f64) -> [(usize, f64); 5] {
         let block = self.block(link.antenna);
-        let mut row = SmallVec::new();
-        if block < self.0.len() {
-            row.extend((0..3).map(|axis| (3 * block + axis, link.gradient[axis])));
-        }
-        row.push((3 * self.0.len() + block, 1.0));
-        row.push((self.observation(), code_m));
-        row
+        let (first, is_rover) = if block < self.0.len() { (3 * block, 1.0) } else { (0, 0.0) };
+        let along = |axis: usize| (first + axis, is_rover * link.gradient[axis]);
+        let receiver = (self.receivers().start + block, 1.0);
+        [along(0), along(1), along(2), receiver, (self.observation(), code_m)]
     }
 }
 
@@ -292,7 +289,8 @@ fn eliminated(links: &[Link], loops: &Loops, columns: Columns) -> DMatrix<f64> {
             for (at, (j, of_j)) in h.iter().enumerate() {
                 let scaled = weight * of_j;
                 sum[*j] += scaled;
-                h[at..].iter().for_each(|(i, of_i)| matrix[(*i, *j)] += scaled * of_i);
+                let column = &mut matrix.as_mut_slice()[j * size..][..size];
+                h[at..].iter().for_each(|(i, of_i)| column[*i] += scaled * of_i);
             }
             weights += weight;
         }
