@@ -29,8 +29,8 @@ class Score:
     beyond: int = 0
     #: Errors over standard deviations of the right fixes' components.
     units: list = field(default_factory=list)
-    #: Squared lengths of the errors of the right fixes, m².
-    squares_m2: list = field(default_factory=list)
+    #: Errors of the right fixes: east, north, up, m.
+    errors_m: list = field(default_factory=list)
 
     def add(self, off_m, sd_m, floor_m):
         """Counts a fix; whether it is wrong."""
@@ -40,7 +40,7 @@ class Score:
         self.beyond += is_beyond(off_m, sd_m)
         if not wrong:
             self.units += [o / s for o, s in zip(off_m, sd_m)]
-            self.squares_m2.append(sum(o * o for o in off_m))
+            self.errors_m.append(tuple(off_m))
         return wrong
 
     @property
@@ -55,4 +55,13 @@ class Score:
     @property
     def rms_m(self):
         """Of the whole error of a right fix."""
-        return statistics.mean(self.squares_m2) ** 0.5 if self.squares_m2 else float("nan")
+        return sum(mean**2 + sd**2 for mean, sd in self.of_components()) ** 0.5
+
+    @property
+    def scatter_m(self):
+        """The same about the mean of these errors: the place that is taken for the truth has no part in it."""
+        return sum(sd**2 for _, sd in self.of_components()) ** 0.5
+
+    def of_components(self):
+        """Mean and standard deviation of the errors of the right fixes, m."""
+        return [(statistics.fmean(c), statistics.pstdev(c)) for c in zip(*self.errors_m)]

@@ -129,10 +129,10 @@ def main():
                 if "error" in r:
                     print(f"| {r['name']} | {r['error']} |")
                     continue
-                fixed = max(r["fixed"], 1)
-                print(f"| {r['name']} | {r['rows']} | {100 * r['fixed'] / r['rows']:.1f} % | {r['wrong']} "
-                      f"| {100 * r['wrong'] / fixed:.2f} % | {100 * r['beyond'] / fixed:.1f} % "
-                      f"| {r['z2']:.2f} | {r['sd_east_mm']:.1f} |", flush=True)
+                fixed = r["fixed"]
+                of_fixed = (f"{100 * r['wrong'] / fixed:.2f} % | {100 * r['beyond'] / fixed:.1f} % | {r['z2']:.2f} "
+                            f"| {r['sd_east_mm']:.1f}" if fixed else "– | – | – | –")
+                print(f"| {r['name']} | {r['rows']} | {100 * fixed / r['rows']:.1f} % | {r['wrong']} | {of_fixed} |", flush=True)
                 if arguments.reasons:
                     print("   ", r["reasons"], r["errors"][:5], flush=True)
 

@@ -59,8 +59,8 @@ EXCERPT = [
     ("scenario `urban`", "all", "each epoch"),
 ]
 HEAD = (
-    "| observations | bands | mode | program | right | wrong | beyond 3 σ | RMS, mm | processor, s | memory, MB |\n"
-    "|---|---|---|---|---|---|---|---|---|---|"
+    "| observations | bands | mode | program | right | wrong | beyond 3 σ | RMS, mm | scatter, mm | processor, s | memory, MB |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -149,8 +149,9 @@ def rnx2rtkp(session, settings, continuous, with_length, work):
 
 def line(title, bands, mode, program, score, epochs, cost):
     share = lambda count, of: f"{100 * count / of:.1f} %" if of else "–"
-    rms = f"{1e3 * score.rms_m:.1f}" if score.right else "–"
+    millimetres = lambda m: f"{1e3 * m:.1f}" if score.right else "–"
     return (
         f"| {title} | {bands} | {mode} | {program} | {share(score.right, epochs)} | {score.wrong} "
-        f"| {share(score.beyond, score.fixed)} | {rms} | {cost.processor_s:.2f} | {cost.memory_mb:.0f} |"
+        f"| {share(score.beyond, score.fixed)} | {millimetres(score.rms_m)} "
+        f"| {millimetres(score.scatter_m)} | {cost.processor_s:.2f} | {cost.memory_mb:.0f} |"
     )
