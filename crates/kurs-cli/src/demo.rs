@@ -36,7 +36,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let Args { out, json, quiet, .. } = args;
     // The other command says what to run next.
-    simulate::run(&simulate::Args::built_in("car", out.clone(), true))?;
+    let simulated = simulate::run(&simulate::Args::built_in("car", out.clone(), true))?;
+    if simulated != ExitCode::SUCCESS {
+        return Ok(simulated);
+    }
     let (configuration, truth) = (out.join("kurs.toml"), out.join("truth.csv"));
     let code =
         solve::run(&solve::Args::of_simulation(configuration, truth, out.clone(), *json, *quiet))?;

@@ -1,6 +1,7 @@
 //! How a command ends: 0 done; 1 input could not be used; 2 wrong usage or configuration; 3 it ran,
-//! but nothing was fixed, or less than is required.
+//! but nothing was fixed, or less than is required; 130 it was interrupted.
 
+use crate::interrupt::{INTERRUPTED, Interrupted};
 use crate::pipe;
 use crate::summary::Summary;
 
@@ -84,7 +85,11 @@ pub(crate) fn exit_code(result: anyhow::Result<ExitCode>) -> ExitCode {
         Ok(code) => code,
         Err(error) => {
             eprintln!("error: {}", told(&error));
-            ExitCode::from(if error.is::<UsageError>() { 2 } else { 1 })
+            ExitCode::from(match () {
+                () if error.is::<Interrupted>() => INTERRUPTED,
+                () if error.is::<UsageError>() => 2,
+                () => 1,
+            })
         }
     }
 }

@@ -8,7 +8,12 @@ use crate::failure::ExitCode;
 use crate::output;
 
 /// Exit status of an interrupted run: 128 and the number of the interrupt signal, as in shells.
-pub(crate) const INTERRUPTED: u8 = 130;
+pub const INTERRUPTED: u8 = 130;
+
+/// A run was told to end before it had anything to show.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted before there was a result")]
+pub(crate) struct Interrupted;
 
 static IS_WANTED: AtomicBool = AtomicBool::new(false);
 /// Number of runs that watch for a request to end.
@@ -70,6 +75,11 @@ impl Watch {
     /// Whether the run was told to end; what comes after its last epoch does not interrupt it.
     pub(crate) fn was_interrupted(&self) -> bool {
         self.was_told.load(Ordering::Relaxed)
+    }
+
+    /// Why the run has nothing to show: that it was interrupted, or else `why`.
+    pub(crate) fn unless_interrupted(&self, why: anyhow::Error) -> anyhow::Error {
+        if self.was_interrupted() { Interrupted.into() } else { why }
     }
 
     /// The exit status of the run: `done`, unless it was interrupted.

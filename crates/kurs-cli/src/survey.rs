@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
     let watch = Watch::begin();
     let survey = survey_rows(args.quiet, &mut streams, &mut engine, &watch, &names)?;
-    let array = surveyed_array(&survey, &names)?;
+    let array = surveyed_array(&survey, &names).map_err(|why| watch.unless_interrupted(why))?;
     let mut file = OutputFile::create(folder.path(), "array.toml")?;
     file.write_all(block(&array, &names).as_bytes())?;
     file.finish()?;

@@ -1,6 +1,5 @@
 //! The commands, called inside the process.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -26,16 +25,10 @@ pub(crate) fn run(py: Python<'_>, arguments: Vec<String>) -> u8 {
     py.detach(|| kurs_cli::run(arguments))
 }
 
-/// Exit status of a run that did not come to its end.
-const INTERRUPTED: u8 = 130;
-/// How often commands were asked for their end, and this was taken back: odd while they are.
-static ASKED: AtomicUsize = AtomicUsize::new(0);
-
 /// Runs a command whose errors are exceptions; gives its exit status, 0 or 3. Ctrl-C ends it at the next epoch, in whichever
 /// thread it runs, by KeyboardInterrupt.
 #[pyfunction]
 pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
-    let asked = ASKED.load(Ordering::SeqCst);
     let (sender, receiver) = mpsc::channel();
     let command = std::thread::spawn(move || sender.send(embedded::call(arguments)));
     let receiver = Mutex::new(receiver);
@@ -50,24 +43,19 @@ pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
             Err(RecvTimeoutError::Timeout) => {}
         }
         if let (None, Err(signal)) = (&interrupted, py.check_signals()) {
-            ASKED.fetch_add(1, Ordering::SeqCst);
             embedded::ask_to_end(true);
             interrupted = Some(signal);
         }
     };
     // One that panicked has left its message.
     let _ = command.join();
-    // A run that was asked for its end may have had too little input by then.
-    let was_asked = !asked.is_multiple_of(2) || ASKED.load(Ordering::SeqCst) != asked;
     match (interrupted, result) {
         (Some(signal), _) => {
             embedded::ask_to_end(false);
-            ASKED.fetch_add(1, Ordering::SeqCst);
             Err(signal)
         }
         // Asked by the main thread, whose command was interrupted.
-        (None, Some(Ok(INTERRUPTED))) => Err(of_main_thread()),
-        (None, Some(Err(embedded::Failure::Input(_)))) if was_asked => Err(of_main_thread()),
+        (None, Some(Ok(embedded::INTERRUPTED))) => Err(of_main_thread()),
         (None, Some(result)) => result.map_err(errors::of_command),
         (None, None) => Err(errors::Error::new_err("the command stopped by an error of its own")),
     }

@@ -9,8 +9,10 @@ mod station;
 use std::ffi::OsString;
 
 use crate::failure::{UsageError, told};
+use crate::interrupt::Interrupted;
 use crate::{Cli, interrupt};
 
+pub use crate::interrupt::INTERRUPTED;
 pub use column::Column;
 pub use engine::{EmbeddedEngine, Rows};
 
@@ -32,7 +34,7 @@ impl From<anyhow::Error> for Failure {
 }
 
 /// Runs the program with these arguments, of which the first is its name, and gives its exit
-/// status, which is no failure: 0, 3, or 130 after [`ask_to_end`]. Signals are left to the caller.
+/// status, which is no failure: 0, 3, or [`INTERRUPTED`] after [`ask_to_end`]. Signals are left to the caller.
 ///
 /// # Errors
 ///
@@ -44,7 +46,10 @@ pub fn call(
         let text = error.render().to_string();
         Failure::Usage(text.trim_start_matches("error: ").trim_end().to_owned())
     })?;
-    Ok(cli.command.run()?.number())
+    match cli.command.run() {
+        Err(error) if error.is::<Interrupted>() => Ok(INTERRUPTED),
+        done => Ok(done?.number()),
+    }
 }
 
 /// Asks every command that runs over epochs for its end, with a valid result of what there is;

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use kurs::array::AntennaArray;
 use kurs::frames::Vector;
 use kurs::orientation::geometry::{self, EstimatedGeometry};
@@ -177,7 +177,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
     let present: Vec<usize> = present.into_iter().collect();
-    bail!("{}", why_nothing(&present, &names, &summary))
+    Err(watch.unless_interrupted(anyhow!("{}", why_nothing(&present, &names, &summary))))
 }
 
 /// Reads the positions of the window, and says what is odd about them.

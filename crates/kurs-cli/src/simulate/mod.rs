@@ -10,7 +10,7 @@ mod truth_tables;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::anyhow;
 use kurs::ephemeris::{Ephemeris, NavigationData};
 use kurs::signal::Signal;
 use kurs_formats::rinex::{ObservationFileHeader, write_navigation};
@@ -124,7 +124,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     progress.finish();
     if epochs == 0 {
-        bail!("no epoch of the scenario is inside --from and --to");
+        let why = anyhow!("no epoch of the scenario is inside --from and --to");
+        return Err(watch.unless_interrupted(why));
     }
     files.finish()?;
     write_navigation_file(folder.path(), simulation.navigation())?;

@@ -16,7 +16,7 @@ pub(crate) mod streams;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::anyhow;
 use kurs::antenna_calibration::MountedAntenna;
 use kurs::both_directions::BackwardRows;
 use kurs::differential::Differential;
@@ -243,7 +243,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     damage.extend(input::misdated(loaded, &spans));
     damage.extend(input::station_trouble(loaded, engine.station_use()));
     if summary.epochs() == 0 {
-        bail!("no epoch in any observation file ({}){}", streams.spans(), damaged(&damage));
+        let (spans, damaged) = (streams.spans(), damaged(&damage));
+        let why = anyhow!("no epoch in any observation file ({spans}){damaged}");
+        return Err(watch.unless_interrupted(why));
     }
     if watch.was_interrupted() {
         summary.interrupt();
@@ -273,7 +275,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if summary.has_solution() {
         return Ok(watch.status(args.required_fix.exit_code(&summary)));
     }
-    bail!("{}", why_nothing(loaded, &summary, &streams, &unobserved));
+    let why = why_nothing(loaded, &summary, &streams, &unobserved);
+    Err(watch.unless_interrupted(anyhow!("{why}")))
 }
 
 /// Whether an attitude can be solved: that takes two antennas.

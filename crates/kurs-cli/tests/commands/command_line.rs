@@ -396,9 +396,19 @@ fn every_key_has_its_source() {
     assert_eq!(values(&again), values(&explained));
 }
 
-/// Starts the program, interrupts it once it is at work, and waits for its end.
+/// Starts the program, interrupts it once it has written something, and waits for its end.
 #[cfg(unix)]
 fn interrupted(folder: &Path, out: &Path, arguments: &[&str]) -> Output {
+    interrupted_when(folder, arguments, || {
+        let parts = fs::read_dir(out).into_iter().flatten().flatten();
+        let mut written =
+            parts.filter(|e| e.path().is_dir()).flat_map(|e| fs::read_dir(e.path()).unwrap());
+        written.any(|file| file.unwrap().metadata().is_ok_and(|data| data.len() > 0))
+    })
+}
+
+#[cfg(unix)]
+fn interrupted_when(folder: &Path, arguments: &[&str], is_at_work: impl Fn() -> bool) -> Output {
     let child = Program::new(KURS)
         .current_dir(folder)
         .args(arguments)
@@ -406,12 +416,6 @@ fn interrupted(folder: &Path, out: &Path, arguments: &[&str]) -> Output {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let is_at_work = || {
-        let parts = fs::read_dir(out).into_iter().flatten().flatten();
-        let mut written =
-            parts.filter(|e| e.path().is_dir()).flat_map(|e| fs::read_dir(e.path()).unwrap());
-        written.any(|file| file.unwrap().metadata().is_ok_and(|data| data.len() > 0))
-    };
     let begun = Instant::now();
     while !is_at_work() && begun.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(5));
@@ -455,6 +459,27 @@ fn an_interrupted_run_is_a_valid_result() {
         "track.kml",
     ];
     assert_eq!(names(&out), expected);
+}
+
+/// With a part of the car nothing is solved, and what is not there yet is no error of the input.
+#[cfg(unix)]
+#[test]
+fn a_run_interrupted_too_early_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("kurs-out/demo");
+    let output = interrupted(folder.path(), &out, &["demo"]);
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(!out.join("attitude.csv").exists());
+
+    // A day of which only the evening is wanted: nothing of it is there yet.
+    let out = folder.path().join("kurs-out/simulate");
+    let scenario = file("scenario.toml");
+    let evening = ["--set", "duration_s=80000", "--from", "2024-03-11T10:00:00"];
+    let arguments = [&["simulate", &scenario][..], &evening].concat();
+    let output = interrupted_when(folder.path(), &arguments, || out.exists());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("interrupted before there was"), "{said}");
 }
 
 /// The limit on the size of files stands for a full disk: a write fails in the middle of a table.

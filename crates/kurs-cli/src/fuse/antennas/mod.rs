@@ -9,7 +9,7 @@ mod source;
 use std::fmt;
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use kurs::fusion::attitude::feed::AttitudeFeed;
 
 use super::imu::Sensor;
@@ -73,7 +73,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if finished.has_solution {
         return Ok(watch.status(ExitCode::SUCCESS));
     }
-    bail!("no row has an attitude to start from: fixed or float with a standard deviation")
+    let why = "no row has an attitude to start from: fixed or float with a standard deviation";
+    Err(watch.unless_interrupted(anyhow!(why)))
 }
 
 /// Gives rows and samples to the session, whichever is behind.

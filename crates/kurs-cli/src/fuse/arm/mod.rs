@@ -7,7 +7,7 @@ mod simulated;
 
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::anyhow;
 use kurs::fusion::arm::session::{ArmSession, SessionRow};
 use kurs::observation::AntennaEpoch;
 
@@ -69,11 +69,12 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let finished = rows.finish(outputs.path(), &from)?;
     outputs.publish()?;
     args.conclude(&finished.text, &damage)?;
-    match (finished.has_solution, finished.main_reason) {
-        (true, _) => Ok(watch.status(ExitCode::SUCCESS)),
-        (false, Some(word)) => bail!("every epoch is lost, mostly because of `{word}`"),
-        (false, None) => bail!("no epoch in any observation file"),
-    }
+    let why = match (finished.has_solution, finished.main_reason) {
+        (true, _) => return Ok(watch.status(ExitCode::SUCCESS)),
+        (false, Some(word)) => anyhow!("every epoch is lost, mostly because of `{word}`"),
+        (false, None) => anyhow!("no epoch in any observation file"),
+    };
+    Err(watch.unless_interrupted(why))
 }
 
 /// Feeds both streams to the session, whichever is behind, and writes its rows; what was damaged,
