@@ -29,10 +29,10 @@ class Score:
     beyond: int = 0
     #: Errors over standard deviations of the right fixes' components.
     units: list = field(default_factory=list)
-    #: Errors of the right fixes: east, north, up, m.
-    errors_m: list = field(default_factory=list)
+    #: Errors of the right fixes, by their times: east, north, up, m.
+    errors_m: dict = field(default_factory=dict)
 
-    def add(self, off_m, sd_m, floor_m):
+    def add(self, off_m, sd_m, floor_m, at=None):
         """Counts a fix; whether it is wrong."""
         wrong = is_wrong(off_m, sd_m, floor_m)
         self.fixed += 1
@@ -40,7 +40,7 @@ class Score:
         self.beyond += is_beyond(off_m, sd_m)
         if not wrong:
             self.units += [o / s for o, s in zip(off_m, sd_m)]
-            self.errors_m.append(tuple(off_m))
+            self.errors_m[self.fixed if at is None else at] = off_m
         return wrong
 
     @property
@@ -55,13 +55,9 @@ class Score:
     @property
     def rms_m(self):
         """Of the whole error of a right fix."""
-        return sum(mean**2 + sd**2 for mean, sd in self.of_components()) ** 0.5
+        return statistics.mean(sum(o * o for o in off_m) for off_m in self.errors_m.values()) ** 0.5
 
-    @property
-    def scatter_m(self):
-        """The same about the mean of these errors: the place that is taken for the truth has no part in it."""
-        return sum(sd**2 for _, sd in self.of_components()) ** 0.5
-
-    def of_components(self):
-        """Mean and standard deviation of the errors of the right fixes, m."""
-        return [(statistics.fmean(c), statistics.pstdev(c)) for c in zip(*self.errors_m)]
+    def scatter_m(self, times):
+        """The same of the right fixes of these times, about the mean of their errors: what is taken for the truth has no part in it."""
+        components = zip(*(self.errors_m[at] for at in times))
+        return sum(statistics.pvariance(component) for component in components) ** 0.5

@@ -79,7 +79,8 @@ def table(options):
                 if rtklib.is_there():
                     found.append(("RTKLIB", rnx2rtkp(session, settings, continuous, with_length, work)))
                 epochs = found[0][1][1]
-                lines = [line(title, bands or "all", words, name, score, epochs, cost) for name, (score, _, cost) in found]
+                common = set.intersection(*(set(score.errors_m) for _, (score, *_) in found))
+                lines = [line(title, bands or "all", words, name, score, common, epochs, cost) for name, (score, _, cost) in found]
                 rows += lines
                 if (title, bands or "all", words) in EXCERPT:
                     excerpt += lines
@@ -131,7 +132,7 @@ def judged(session, found):
     score = Score()
     for baseline in baselines:
         if baseline["status"] == "fixed":
-            score.add(*session.errors(baseline), session.floor_m)
+            score.add(*session.errors(baseline), session.floor_m, sessions.time(baseline))
     return score, len(rows), cost
 
 
@@ -143,15 +144,15 @@ def rnx2rtkp(session, settings, continuous, with_length, work):
     score = Score()
     for at, fixed, baseline_m, sd_m in rows:
         if fixed:
-            score.add([b - t for b, t in zip(baseline_m, session.truth_m(at))], sd_m, session.floor_m)
+            score.add([b - t for b, t in zip(baseline_m, session.truth_m(at))], sd_m, session.floor_m, at)
     return score, len(rows), cost
 
 
-def line(title, bands, mode, program, score, epochs, cost):
+def line(title, bands, mode, program, score, common, epochs, cost):
     share = lambda count, of: f"{100 * count / of:.1f} %" if of else "–"
-    millimetres = lambda m: f"{1e3 * m:.1f}" if score.right else "–"
+    rms = f"{1e3 * score.rms_m:.1f}" if score.right else "–"
+    scatter = f"{1e3 * score.scatter_m(common):.1f}" if len(common) > 1 else "–"
     return (
         f"| {title} | {bands} | {mode} | {program} | {share(score.right, epochs)} | {score.wrong} "
-        f"| {share(score.beyond, score.fixed)} | {millimetres(score.rms_m)} "
-        f"| {millimetres(score.scatter_m)} | {cost.processor_s:.2f} | {cost.memory_mb:.0f} |"
+        f"| {share(score.beyond, score.fixed)} | {rms} | {scatter} | {cost.processor_s:.2f} | {cost.memory_mb:.0f} |"
     )

@@ -72,6 +72,8 @@ def links(pages):
             target = (page.parent / path).resolve() if path else page
             if not target.exists():
                 yield told(page, text, link.start(), f"link to {link[1]}, which is not there")
+            elif page.is_relative_to(DOCS) and not target.is_relative_to(DOCS):
+                yield told(page, text, link.start(), f"link to {link[1]}, out of the book: its web pages have no such file")
             elif part and part not in {anchor(h) for h in re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)}:
                 yield told(page, text, link.start(), f"link to {link[1]}: no such heading")
 
