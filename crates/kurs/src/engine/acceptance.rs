@@ -7,6 +7,29 @@
 //! * *Right integers refused*: all other checks ask whether what was found is what right integers of the known
 //!   array would leave. Each refuses a right epoch with the probability [`FALSE_ALARM`].
 //!
+//! The list, in its order; the first check that fails gives the row its reason:
+//!
+//! | of | holds if | reason | statistic from |
+//! |---|---|---|---|
+//! | session | the best integers of the recent epochs fit what is known | of the constraint: `residuals`, `length`, `geometry` | `session_fit.rs` |
+//! | session | the mean shape of the array is the known one | `geometry` | `array_misfit.rs` |
+//! | positions | satellites do not contradict each other, where nothing is known of the array | `residuals` | `locate.rs` |
+//! | integers | right ones would make the baselines certain to 0.3 m | `weak_model` | `float_solution.rs` |
+//! | integers | all others are improbable | `ratio`; `success_rate` of weak models | `likelihood.rs` |
+//! | integers | they are so even if the geometry is wrong, until it has proven itself | `unproven` | `search.rs` |
+//! | integers | they close around triangles of antennas | `closure` | `search.rs` |
+//! | integers | the phases fit | `residuals` | `float_solution.rs` |
+//! | integers | code and phases fit with what is known | of the constraint | `search.rs` |
+//! | baselines | each has its length | `length` | `estimator.rs` |
+//! | baselines | together they have the known shape | `geometry` | `orientation.rs` |
+//! | attitude | there is one, and one only | `two_minima` and others of `orientation.rs` | |
+//! | attitude | the body can tilt so | `tilt` | |
+//! | prediction | it does not refute the fix | `residuals` | `predicted_attitude.rs` |
+//! | witness | epochs before do not contradict | `contradiction` | `witness.rs` |
+//! | witness | one agrees, or the model is strong | `unproven` | `witness.rs` |
+//!
+//! Those of baselines, attitude and prediction are made of sure integers, those of the witness where all others hold.
+//!
 //! Noise levels are known with some degrees of freedom only, so sums of squares are judged by Fisher's
 //! distribution instead of χ² ([`Scale`]), for all checks alike.
 //!

@@ -5,7 +5,6 @@ use crate::ephemeris::NavigationData;
 use crate::float_solution::{CodeFloat, Fit, FloatSolution, NoFloat};
 use crate::link_noise;
 use crate::observation::ArrayEpoch;
-use crate::sky::Variances;
 use crate::solution::{EpochSolution, Reason};
 
 use super::estimator::Estimator;
@@ -124,18 +123,6 @@ impl Estimator {
         self.weigh(links, groups);
         let (float, _) = robust_float(links, groups, frame)?;
         Ok((float, code_fit))
-    }
-
-    /// The level of the phases from their changes, before fixes teach it.
-    fn learn_changes(&mut self, links: &[Link], a_priori: &[Variances], float: &FloatSolution) {
-        let (continuity, time) = (&self.continuity, self.levels.time());
-        let arc = |link: &Link| {
-            let arc = continuity.arc(link.antenna, link.satellite, link.signal)?;
-            Some(arc.number)
-        };
-        if let Some(changes) = self.phase_changes.take(links, a_priori, float, arc, time) {
-            self.levels.learn_changes(changes);
-        }
     }
 
     /// Variances of the links: levels of the session, edges, common errors of the bands.

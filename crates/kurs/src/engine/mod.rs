@@ -10,6 +10,18 @@
 //! | orient | `orientation.rs` |
 //! | accept | `acceptance.rs`, with the session's `array_misfit.rs`, `session_fit.rs`, `witness.rs` |
 //! | row | `row.rs` |
+//! | learn | `learn.rs`: what the session keeps of the epoch |
+//!
+//! An epoch on its way:
+//!
+//! | name | is |
+//! |---|---|
+//! | `Epoch` | links, double differences and the float solution |
+//! | `Found` | the best integers of one search, and how probable others are |
+//! | `Fix` | these, the baselines that belong to them and the checks of the integers: *accepted* if all hold, *sure* if others are improbable, *strong* if hardly any were to choose from |
+//! | `Searched` | the epoch with the `Fix` that is left after all trials |
+//! | `Oriented` | that with its attitude |
+//! | `Judged` | that with all checks, of which the first that fails decides |
 //!
 //! A run may go backward ([`Direction`]): then all that is remembered sees the epochs in a mirror (`direction.rs`).
 
@@ -21,6 +33,7 @@ mod difference;
 mod direction;
 mod estimator;
 mod fix;
+mod learn;
 mod likelihood;
 mod locate;
 mod noise_levels;
@@ -31,6 +44,7 @@ mod row;
 mod search;
 mod session_fit;
 mod settings;
+mod stages;
 mod subset;
 mod witness;
 mod work_budget;

@@ -11,10 +11,11 @@ use crate::solution::{
 };
 
 use super::body_velocity::body_velocity;
-use super::estimator::{Estimator, Fixed, Judged};
+use super::estimator::Estimator;
 use super::locate::Located;
 use super::search::Found;
 use super::settings::Settings;
+use super::stages::{Judged, Searched};
 
 impl Estimator {
     /// The row as far as single antennas give it: it is lost until the array gives more.
@@ -48,22 +49,22 @@ impl Estimator {
 
     /// Adds what was found of the array.
     pub(super) fn fill(&self, row: &mut EpochSolution, judged: &Judged, located: &[Located]) {
-        let fixed = &judged.oriented.fixed;
-        let (epoch, fix) = (&fixed.epoch, &fixed.fix);
+        let searched = &judged.oriented.searched;
+        let (epoch, fix) = (&searched.epoch, &searched.fix);
         let found = fix.found.as_ref().ok();
         row.outcome = judged.outcome;
         row.satellites = epoch.float.satellites;
         row.residual_rms_m = fix.conditional.as_ref().map(|c| c.residual_rms_m);
-        row.baselines = fixed.baselines.local(&epoch.frame.horizon, row.status());
+        row.baselines = searched.baselines.local(&epoch.frame.horizon, row.status());
         row.integers = Some(IntegerReport {
             ambiguities: epoch.float.ambiguities_cycles.len(),
             success_rate: fix.success_rate,
             ratio: found.map(|found| found.ratio),
             checks: judged.checks.0.clone(),
-            left_out: fixed.left_out,
+            left_out: searched.left_out,
             prediction: judged.prediction,
         });
-        row.signals = self.settings.residuals.then(|| signal_report(fixed));
+        row.signals = self.settings.residuals.then(|| signal_report(searched));
         let north_rad2 = row.position.as_ref().map_or(0.0, |position| {
             north_variance_rad2(&position.geodetic, position.covariance_m2[(1, 1)])
         });
@@ -98,13 +99,13 @@ fn north_variance_rad2(place: &Geodetic, east_m2: f64) -> f64 {
 }
 
 /// What the solution leaves of each signal, and the integers.
-fn signal_report(fixed: &Fixed) -> SignalReport {
-    let Fixed { epoch, fix, .. } = fixed;
+fn signal_report(searched: &Searched) -> SignalReport {
+    let Searched { epoch, fix, .. } = searched;
     let found = fix.found.as_ref().ok();
     let sure = found.filter(|_| fix.is_sure());
     let solved = Solved {
-        rovers: &fixed.baselines.rovers,
-        correction_m: &fixed.correction_m,
+        rovers: &searched.baselines.rovers,
+        correction_m: &searched.correction_m,
         integers: sure.map(|found| found.integers.as_slice()),
     };
     let sums = |found: &Found| integer_sums(&epoch.links, &epoch.groups, &found.integers);
