@@ -10,41 +10,28 @@
 //! epochs know of the ambiguities.
 
 mod code;
+mod conditional;
 mod information;
 mod informed;
+mod phases;
 pub mod recursive;
+mod residuals;
 
 pub use code::CodeFloat;
+pub use conditional::Conditional;
+pub use phases::PhaseGroup;
 
 use std::sync::OnceLock;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use smallvec::smallvec;
+use nalgebra::{DMatrix, DVector};
 
-use crate::difference::{
-    Combination, Link, OfLinks, add_common_cycles, covariance, equations, own_links,
-};
-use crate::signal::SatelliteSet;
+use self::conditional::ConditionalNormal;
+use self::phases::{Phases, group_phases, satellites_with_phase};
+use crate::difference::Link;
 
 /// Factor on the standard deviation of code that is to be ignored: decimetres become hundreds of
 /// metres.
 const CODE_LEFT_OUT: f64 = 1e3;
-
-/// Phases of one group before whitening, as the integers need them.
-#[derive(Debug, Clone)]
-struct Phases {
-    factor: Cholesky<f64, Dyn>,
-    design: DMatrix<f64>,
-    /// `L⁻¹ A_Φ`
-    whitened_design: DMatrix<f64>,
-    misclosure_m: DVector<f64>,
-    covariance_m2: DMatrix<f64>,
-    wavelengths_m: DVector<f64>,
-    combinations: Vec<Combination>,
-    /// The link (of the group) whose ambiguity each combination stands for.
-    own: Vec<usize>,
-    first_link: usize,
-}
 
 /// Float solution; `3k × 3k` and so on as in the module's head. Baseline blocks stand in the order
 /// of `rovers`.
@@ -83,39 +70,12 @@ pub struct FloatSolution {
     informed: usize,
 }
 
-/// Normal matrix of the baselines once the integers are known, `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ`.
-#[derive(Debug, Clone)]
-struct ConditionalNormal {
-    matrix: DMatrix<f64>,
-    /// Its inverse; `None` if it is singular.
-    covariance_m2: Option<DMatrix<f64>>,
-}
-
-impl ConditionalNormal {
-    fn new(matrix: DMatrix<f64>) -> Self {
-        Self { covariance_m2: well_conditioned_inverse(&matrix), matrix }
-    }
-}
-
 /// Normal equations of the baselines given the ambiguities, where they hold more than this epoch:
 /// `Λ_xx x = right − cross a`.
 #[derive(Debug, Clone)]
 struct Memory {
     right: DVector<f64>,
     cross: DMatrix<f64>,
-}
-
-/// The phases of one group, before integers: `y_Φ = A_Φ x + Λ a + e`.
-#[derive(Debug, Clone, Copy)]
-pub struct PhaseGroup<'a> {
-    /// `y_Φ` against the approximate baselines, m.
-    pub misclosure_m: &'a DVector<f64>,
-    /// Diagonal of `Λ`, m.
-    pub wavelengths_m: &'a DVector<f64>,
-    /// `A_Φ`.
-    pub design: &'a DMatrix<f64>,
-    /// Their covariance, m².
-    pub covariance_m2: &'a DMatrix<f64>,
 }
 
 /// How well observations fit.
@@ -147,19 +107,6 @@ impl Fit {
             (self.sum / self.degrees_of_freedom as f64).sqrt()
         }
     }
-}
-
-/// Baselines with integer ambiguities put in.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Conditional {
-    /// Corrections to the approximate baselines, ECEF, m (3k).
-    pub correction_m: DVector<f64>,
-    /// Their covariance given the integers, m² (3k × 3k).
-    pub covariance_m2: DMatrix<f64>,
-    /// Weighted residuals of the phases.
-    pub phase_fit: Fit,
-    /// Root mean square of the double-difference phase residuals, m.
-    pub residual_rms_m: f64,
 }
 
 /// Why there is no float solution.
@@ -303,16 +250,6 @@ impl FloatSolution {
         covariance
     }
 
-    /// The phases of all groups, in the order of the ambiguities.
-    pub fn phase_groups(&self) -> impl Iterator<Item = PhaseGroup<'_>> {
-        self.phases.iter().map(|phases| PhaseGroup {
-            misclosure_m: &phases.misclosure_m,
-            wavelengths_m: &phases.wavelengths_m,
-            design: &phases.design,
-            covariance_m2: &phases.covariance_m2,
-        })
-    }
-
     /// The solution with next to no weight on the code of the epoch: a thousand times its standard
     /// deviation. For a solution that holds one epoch only.
     #[must_use]
@@ -349,13 +286,6 @@ impl FloatSolution {
         self.without_code
     }
 
-    /// Covariance of the baselines once the integers are known,
-    /// `Q_x|a = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹`, m²; `None` if that is singular.
-    #[must_use]
-    pub fn conditional_covariance_m2(&self) -> Option<&DMatrix<f64>> {
-        self.conditional.covariance_m2.as_ref()
-    }
-
     /// Ambiguities (cycles) that follow from baselines known to millimetres: close to integers,
     /// `Λ⁻¹ (y_Φ − A_Φ x)`.
     #[must_use]
@@ -365,55 +295,6 @@ impl FloatSolution {
             remaining_m.component_div(&phases.wavelengths_m)
         };
         self.phases.iter().flat_map(|p| of_group(p).as_slice().to_vec()).collect()
-    }
-
-    /// Normalised residuals of the links' code ([`CodeFloat::residuals`]).
-    #[must_use]
-    pub fn code_residuals(&self, links: &[Link]) -> Vec<(usize, f64)> {
-        self.code.residuals(links)
-    }
-
-    /// Redundancy of the code of each group ([`CodeFloat::redundancies`]).
-    #[must_use]
-    pub fn code_redundancies(&self) -> Vec<(usize, f64)> {
-        self.code.redundancies()
-    }
-
-    /// What the residuals of each group's phases show of their squares once the integers are known, with the index of the
-    /// group's first link: `n − tr(Q_x|a A_Φᵀ Q_Φ⁻¹ A_Φ)`.
-    #[must_use]
-    pub fn phase_redundancies(&self) -> Vec<(usize, f64)> {
-        let Some(covariance_m2) = &self.conditional.covariance_m2 else { return Vec::new() };
-        let of_group = |phases: &Phases| {
-            let whitened = &phases.whitened_design;
-            let taken = (whitened * covariance_m2).dot(whitened);
-            (phases.first_link, (whitened.nrows() as f64 - taken).max(0.0))
-        };
-        self.phases.iter().map(of_group).collect()
-    }
-
-    /// Normalised residuals of the links' phases with these integers and baselines, as
-    /// [`CodeFloat::residuals`].
-    pub fn phase_residuals(
-        &self,
-        links: &[Link],
-        integers: &[f64],
-        correction_m: &DVector<f64>,
-    ) -> Vec<(usize, f64)> {
-        let mut residuals: Vec<(usize, f64)> = Vec::new();
-        let mut first = 0;
-        for phases in &self.phases {
-            let count = phases.misclosure_m.len();
-            let mut weighted =
-                DVector::from_fn(count, |i, _| phases.range_m(i, integers[first + i]));
-            weighted.gemv(-1.0, &phases.design, correction_m, 1.0);
-            first += count;
-            phases.factor.solve_mut(&mut weighted);
-            spread(&phases.combinations, phases.first_link, &weighted, &mut residuals);
-        }
-        let degrees_of_freedom = first.saturating_sub(correction_m.len());
-        normalise(&mut residuals, degrees_of_freedom, |link| links[link].variances.phase_m2);
-        residuals
     }
 
     /// Whole cycles of every link whose phase is used, as far as the epoch's integers tell them: those of
@@ -454,27 +335,6 @@ impl FloatSolution {
         of_phases.collect()
     }
 
-    /// Increase of the weighted squares of the epoch's code residuals if the corrections are these
-    /// instead of those that code alone gives, `(x − x̂)ᵀ N (x − x̂)`.
-    #[must_use]
-    pub fn code_excess(&self, correction_m: &DVector<f64>) -> f64 {
-        if self.without_code {
-            return 0.0;
-        }
-        let off_m = |i: usize| correction_m[i] - self.code.correction_m[i];
-        let of_columns = self.code.normal.column_iter().enumerate().map(|(j, column)| {
-            let along: f64 = column.iter().enumerate().map(|(i, n)| n * off_m(i)).sum();
-            along * off_m(j)
-        });
-        of_columns.sum()
-    }
-
-    /// Squares that integers leave of the phases, and of the code beyond what code alone leaves.
-    #[must_use]
-    pub fn squares_left(&self, conditional: &Conditional) -> f64 {
-        conditional.phase_fit.sum + self.code_excess(&conditional.correction_m)
-    }
-
     /// Whether it holds the code and phases of one epoch and nothing else.
     #[must_use]
     pub fn is_of_one_epoch(&self) -> bool {
@@ -486,169 +346,6 @@ impl FloatSolution {
     pub fn is_recursive(&self) -> bool {
         self.memory.is_some()
     }
-
-    /// Baselines given integer ambiguities (n, cycles), code and phases together, and how the phases fit; `None` if
-    /// they are not determined.
-    #[must_use]
-    pub fn conditional(&self, integers: &[f64]) -> Option<Conditional> {
-        let mut whitened = self.whitened_ranges(integers.iter().copied());
-        let correction_m = self.conditional_correction(integers.iter().copied(), &whitened)?;
-        let mut phase_sum = 0.0;
-        let mut residual_squares = 0.0;
-        let mut first = 0;
-        for phases in &self.phases {
-            let count = phases.misclosure_m.len();
-            // L⁻¹ (y_Φ − Λ z − A_Φ x̌)
-            let mut residual = whitened.rows_mut(first, count);
-            residual.gemv(-1.0, &phases.whitened_design, &correction_m, 1.0);
-            phase_sum += residual.norm_squared();
-            for i in 0..count {
-                let along_m = phases.design.row(i).tr_dot(&correction_m);
-                let range_m = phases.range_m(i, integers[first + i]);
-                residual_squares += (range_m - along_m).powi(2);
-            }
-            first += count;
-        }
-        let (n, unknowns) = (integers.len(), correction_m.len());
-        Some(Conditional {
-            correction_m,
-            covariance_m2: self.conditional.covariance_m2.clone()?,
-            phase_fit: Fit { sum: phase_sum, degrees_of_freedom: n.saturating_sub(unknowns) },
-            residual_rms_m: (residual_squares / n.max(1) as f64).sqrt(),
-        })
-    }
-
-    /// By how much the weighted squares of the epoch's code grow with these integers.
-    #[must_use]
-    pub fn code_excess_of(&self, integers: impl Iterator<Item = f64> + Clone) -> Option<f64> {
-        let whitened = self.whitened_ranges(integers.clone());
-        Some(self.code_excess(&self.conditional_correction(integers, &whitened)?))
-    }
-
-    /// `(â − z)ᵀ Q_â⁻¹ (â − z)` of these integers `z`: the squares that they leave of the phases, and of the code beyond what code
-    /// alone leaves. `None` where the solution is not of one epoch alone, and where the baselines are not determined.
-    #[must_use]
-    pub fn squared_distance(&self, integers: &[f64]) -> Option<f64> {
-        let conditional = self.is_of_one_epoch().then(|| self.conditional(integers))??;
-        Some(self.squares_left(&conditional))
-    }
-
-    /// `L⁻¹ (y_Φ − Λ z)`, with the factor `L` of each group's `Q_Φ`, in the order of the ambiguities.
-    fn whitened_ranges(&self, mut integers: impl Iterator<Item = f64>) -> DVector<f64> {
-        let mut whitened = DVector::zeros(self.ambiguities_cycles.len());
-        let mut first = 0;
-        for phases in &self.phases {
-            let mut of_group = whitened.rows_mut(first, phases.misclosure_m.len());
-            for (i, (range_m, z)) in of_group.iter_mut().zip(integers.by_ref()).enumerate() {
-                *range_m = phases.range_m(i, z);
-            }
-            phases.factor.l_dirty().solve_lower_triangular_mut(&mut of_group);
-            first += phases.misclosure_m.len();
-        }
-        whitened
-    }
-
-    /// `x̌ = (N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ)⁻¹ (b + Σ A_Φᵀ Q_Φ⁻¹ (y_Φ − Λ z))`
-    fn conditional_correction(
-        &self,
-        integers: impl Iterator<Item = f64>,
-        whitened_ranges: &DVector<f64>,
-    ) -> Option<DVector<f64>> {
-        let covariance_m2 = self.conditional.covariance_m2.as_ref()?;
-        if let Some(memory) = &self.memory {
-            let mut right = memory.right.clone();
-            for (of_ambiguity, z) in memory.cross.column_iter().zip(integers) {
-                right.axpy(-z, &of_ambiguity, 1.0);
-            }
-            return Some(covariance_m2 * right);
-        }
-        let mut right = self.code_right.clone();
-        let mut first = 0;
-        for phases in &self.phases {
-            let of_group = whitened_ranges.rows(first, phases.misclosure_m.len());
-            right.gemv_tr(1.0, &phases.whitened_design, &of_group, 1.0);
-            first += phases.misclosure_m.len();
-        }
-        Some(covariance_m2 * right)
-    }
-}
-
-impl Phases {
-    /// `y_Φ − Λ z` of one double difference, m.
-    fn range_m(&self, row: usize, z: f64) -> f64 {
-        self.misclosure_m[row] - self.wavelengths_m[row] * z
-    }
-}
-
-/// Phase double differences of one group.
-fn group_phases(
-    links: &[Link],
-    rows: Vec<Combination>,
-    first_link: usize,
-    unknowns: usize,
-    block: impl Fn(usize) -> Option<usize>,
-) -> Option<Phases> {
-    let mut covariance_m2 = covariance(&rows, |edge| links[edge].variances.phase_m2);
-    add_common_cycles(&mut covariance_m2, &rows, links);
-    let factor = covariance_m2.clone().cholesky().filter(|_| !rows.is_empty())?;
-    let (design, misclosure_m) = equations(links, &rows, unknowns, block, |link| link.phase_m);
-    let mut whitened_design = design.clone();
-    factor.l_dirty().solve_lower_triangular_mut(&mut whitened_design);
-    let own = own_links(&rows);
-    let wavelengths_m = DVector::from_fn(rows.len(), |i, _| links[own[i]].wavelength_m);
-    Some(Phases {
-        factor,
-        design,
-        whitened_design,
-        misclosure_m,
-        covariance_m2,
-        wavelengths_m,
-        combinations: rows,
-        own,
-        first_link,
-    })
-}
-
-/// Appends `Dᵀ w` for the links that the combinations `D` contain, sorted.
-fn spread(
-    combinations: &[Combination],
-    first_link: usize,
-    weights: &DVector<f64>,
-    links: &mut Vec<(usize, f64)>,
-) {
-    let last = combinations.iter().flatten().map(|(edge, _)| *edge).max();
-    let mut sums: OfLinks<Option<f64>> = smallvec![None; last.map_or(0, |last| last + 1)];
-    for (row, weight) in combinations.iter().zip(weights.iter()) {
-        for (edge, sign) in row {
-            *sums[*edge].get_or_insert(0.0) += sign * weight;
-        }
-    }
-    let found =
-        sums.iter().enumerate().filter_map(|(edge, sum)| Some((first_link + edge, (*sum)?)));
-    links.extend(found);
-}
-
-/// From `ê/σ²` of each link to `ê/σ` over the root of the share of the variances that the residuals show.
-fn normalise(
-    links: &mut Vec<(usize, f64)>,
-    degrees_of_freedom: usize,
-    variance_m2: impl Fn(usize) -> f64,
-) {
-    if degrees_of_freedom == 0 {
-        links.clear();
-    }
-    let shown = degrees_of_freedom as f64 / links.len().max(1) as f64;
-    for (link, value) in links {
-        *value *= (variance_m2(*link) / shown).sqrt();
-    }
-}
-
-fn satellites_with_phase(links: &[Link], phases: &[Phases]) -> usize {
-    let satellites = phases.iter().flat_map(|phases| {
-        let edges = phases.combinations.iter().flatten();
-        edges.map(|(edge, _)| links[phases.first_link + edge].satellite)
-    });
-    satellites.collect::<SatelliteSet>().len()
 }
 
 /// Inverse of a normal matrix, unless its directions differ so much in strength that one of them is

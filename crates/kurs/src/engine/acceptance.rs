@@ -14,11 +14,11 @@
 //! | session | the best integers of the recent epochs fit what is known | of the constraint: `residuals`, `length`, `geometry` | `session_fit.rs` |
 //! | session | the mean shape of the array is the known one | `geometry` | `array_misfit.rs` |
 //! | positions | satellites do not contradict each other, where nothing is known of the array | `residuals` | `locate.rs` |
-//! | integers | right ones would make the baselines certain to 0.3 m | `weak_model` | `float_solution.rs` |
+//! | integers | right ones would make the baselines certain to 0.3 m | `weak_model` | `float_solution/conditional.rs` |
 //! | integers | all others are improbable | `ratio`; `success_rate` of weak models | `likelihood.rs` |
 //! | integers | they are so even if the geometry is wrong, until it has proven itself | `unproven` | `search.rs` |
 //! | integers | they close around triangles of antennas | `closure` | `search.rs` |
-//! | integers | the phases fit | `residuals` | `float_solution.rs` |
+//! | integers | the phases fit | `residuals` | `float_solution/conditional.rs` |
 //! | integers | code and phases fit with what is known | of the constraint | `search.rs` |
 //! | baselines | each has its length | `length` | `estimator.rs` |
 //! | baselines | together they have the known shape | `geometry` | `orientation.rs` |

@@ -15,7 +15,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use smallvec::{SmallVec, smallvec};
 
-use super::{Fit, NoFloat, normalise, well_conditioned_inverse};
+use super::residuals::normalise;
+use super::{Fit, NoFloat, well_conditioned_inverse};
 use crate::difference::{Combination, Link, OfLinks, combinations};
 
 /// What remains of a receiver's diagonal after the others of its part of the graph are eliminated: nothing but
