@@ -315,12 +315,16 @@ fn place_and_name(text: &str, default_port: u16, what: &str) -> Result<(Place, S
         (unescaped(name), unescaped(password))
     });
     // An address of IPv6 has colons of its own and stands in brackets.
-    let (host, port) = match place.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+    let bracketed = place.strip_prefix('[').and_then(|rest| rest.split_once(']'));
+    let (host, port) = match bracketed {
         Some((host, port)) => {
             (host, port.strip_prefix(':').map_or((!port.is_empty()).then_some(port), Some))
         }
         None => place.rsplit_once(':').map_or((place, None), |(host, port)| (host, Some(port))),
     };
+    if host.contains(['[', ']']) || (bracketed.is_none() && host.contains(':')) {
+        return Err(format!("host {host:?} is neither a name nor an address of IPv6 in brackets"));
+    }
     let port = match port {
         Some(port) => {
             port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?
@@ -483,6 +487,9 @@ mod tests {
             ("ntrip://u@/M", "MOUNT"),
             ("ntrip://[]/M", "MOUNT"),
             ("ntrip://[::1]7210x/M", "7210x"),
+            ("ntrip://2001:db8::1/M", "\"2001:db8:\" is neither"),
+            ("ntrip://i:2]x:8/M", "IPv6 in brackets"),
+            ("ntrip://[[::1]:8/M", "IPv6 in brackets"),
             ("ntrip://h/M\r\nX: y", "MOUNT"),
         ] {
             let error = text.parse::<Address>().unwrap_err().to_string();
