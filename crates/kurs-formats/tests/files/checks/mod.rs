@@ -31,8 +31,14 @@ pub fn observation_file(bytes: &[u8]) {
             Ok(true) => epochs += 1,
             // A log of several stations.
             Err(ReadError::WrongContent { .. }) if is_log => return,
-            // Files of two versions in one.
-            Err(ReadError::Line { what, .. }) if what.starts_with("a second header of") => return,
+            // Files of two versions or two forms in one.
+            Err(ReadError::Line { what, .. })
+                if ["a second header of", "a compact file begins"]
+                    .iter()
+                    .any(|joined| what.starts_with(joined)) =>
+            {
+                return;
+            }
             Err(error) => panic!("no operating system in between: {error}"),
         }
         assert!(packed || epochs <= lines, "more epochs than lines");
