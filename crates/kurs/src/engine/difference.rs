@@ -10,7 +10,7 @@ use crate::solution::{EpochSolution, Reason};
 use super::estimator::Estimator;
 use super::fix::Epoch;
 use super::locate::{CommonFrame, Located, select, shared_satellites};
-use super::noise_levels::Residuals;
+use super::residuals::Residuals;
 
 /// Outliers of the code hide each other; after two rounds hardly any is left.
 const MAX_REWEIGHTINGS: usize = 2;

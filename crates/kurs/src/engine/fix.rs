@@ -15,7 +15,7 @@ use crate::time::GpsTime;
 use super::acceptance::{Checks, Known};
 use super::code_free::code_is_useless;
 use super::locate::CommonFrame;
-use super::noise_levels;
+use super::residuals;
 use super::search::{Found, Problem, Searches};
 use super::settings::{Constraint, Settings};
 
@@ -153,7 +153,7 @@ impl Fix {
         let Some(fixed) = self.conditional.as_ref().filter(|_| self.is_sure()) else { return 1.0 };
         let (links, residuals) = (&epoch.links, self.phase_residuals(epoch));
         let degrees_of_freedom = fixed.phase_fit.degrees_of_freedom;
-        noise_levels::epoch_factor(links, residuals, degrees_of_freedom, fixed.correction_m.len())
+        residuals::epoch_factor(links, residuals, degrees_of_freedom, fixed.correction_m.len())
     }
 }
 

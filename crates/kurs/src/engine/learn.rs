@@ -12,7 +12,7 @@ use crate::time::GpsTime;
 
 use super::estimator::Estimator;
 use super::fix::{Epoch, Fix};
-use super::noise_levels::Residuals;
+use super::residuals::Residuals;
 use super::session_fit::Geometry;
 use super::settings::Constraint;
 use super::stages::Judged;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | locate | `locate.rs`: each antenna by itself; which of them take part |
 //! | difference | `difference.rs`: links, their noise, double differences |
-//! | float | `difference.rs`: the float solution, and what it teaches of the noise (`noise_levels.rs`, `phase_changes.rs`) |
+//! | float | `difference.rs`: the float solution, and what it teaches of the noise (`noise_levels.rs`, `residuals.rs`, `slowness.rs`, `phase_changes.rs`) |
 //! | carry | `estimator.rs`: what earlier epochs know of the ambiguities |
 //! | fix | `fix.rs`, `search.rs`, `likelihood.rs`, `subset.rs`, `code_free.rs`, `predicted_attitude.rs`; their common `work_budget.rs` |
 //! | orient | `orientation.rs` |
@@ -40,10 +40,12 @@ mod noise_levels;
 mod orientation;
 mod phase_changes;
 mod predicted_attitude;
+mod residuals;
 mod row;
 mod search;
 mod session_fit;
 mod settings;
+mod slowness;
 mod stages;
 mod subset;
 mod witness;
