@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::manifest::Entry;
 use super::status::{self, FAILURE, SessionStatus};
 use crate::failure::told;
+use crate::interrupt::Interrupted;
 use crate::output;
 use crate::solve::session_args::SessionArgs;
 use crate::solve::{self, Format};
@@ -42,6 +43,8 @@ impl SessionPlan {
         let attempt = catch_unwind(AssertUnwindSafe(|| self.solve(&mut hash)));
         let reason = match attempt {
             Ok(Ok(())) => None,
+            // No failure of this session: the next run solves it.
+            Ok(Err(error)) if error.is::<Interrupted>() => None,
             Ok(Err(error)) => Some(told(&error)),
             Err(_) => Some("stopped by an error of the program".to_owned()),
         };
