@@ -51,7 +51,8 @@ impl SessionPlan {
         let found = SessionStatus::of_result(&self.label, &self.folder);
         match (reason, found) {
             (None, Some(found)) => found,
-            // Rows that are all lost are a result too; an older one, which could not be taken away, is none.
+            // Rows that are all lost are a result too; an older one, which could not be taken away,
+            // is none.
             (Some(_), Some(found)) if hash.is_some_and(|hash| self.is_done(&hash)) => found,
             (None, None) => SessionStatus::failed(&self.label, "interrupted".to_owned()),
             (Some(reason), _) => {

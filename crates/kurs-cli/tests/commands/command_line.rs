@@ -776,7 +776,8 @@ fn a_batch_solves_each_session_once_and_counts_the_failed() {
     assert!(String::from_utf8(said).unwrap().starts_with(expected));
 }
 
-/// A result that is there when an attempt fails is one of other inputs: here one of these would be overwritten.
+/// A result that is there when an attempt fails is one of other inputs: here one of these would be
+/// overwritten.
 #[test]
 fn an_older_result_is_none_of_a_run_that_failed() {
     let folder = archive();
