@@ -19,6 +19,8 @@ import re
 import subprocess
 import sys
 import tempfile
+import tomllib
+from glob import glob
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +29,10 @@ RUN = ("tutorial", "howto")
 FENCE = re.compile(r"^```(\S*) *(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SOURCE = re.compile(r"^<!-- (\S+\.rs): (.*) -->$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
+#: Scripts of the project, and its examples.
+FILE = re.compile(
+    r"\b(?:(?:bench|tests|tests-referees|fuzz)/[\w/-]+(?:\.py|\.sh|/run)\b|(?:crates/[\w-]+/)?(?:examples|scenarios)/[\w/.-]*\w)"
+)
 #: No command takes more than some seconds; on a machine with other work it may. Beyond this it hangs, s.
 PATIENCE_S = 300
 
@@ -35,7 +41,7 @@ def main():
     program = Path(sys.argv[1]).resolve()
     wanted = [Path(page).resolve() for page in sys.argv[2:]]
     pages = sorted(DOCS.rglob("*.md"))
-    faults = [*contents(pages), *links([*pages, *ROOT.glob("*.md")]), *names(pages, program), *constants(pages)]
+    faults = [*contents(pages), *links([*pages, *ROOT.glob("*.md")]), *names(pages, program), *constants(pages), *packaged()]
     for page in wanted or [page for page in pages if page.parent.name in RUN]:
         faults += commands(page, program)
     for fault in faults:
@@ -72,7 +78,7 @@ def links(pages):
             target = (page.parent / path).resolve() if path else page
             if not target.exists():
                 yield told(page, text, link.start(), f"link to {link[1]}, which is not there")
-            elif page.is_relative_to(DOCS) and not target.is_relative_to(DOCS):
+            elif page.is_relative_to(DOCS) and (target.is_dir() or not target.is_relative_to(DOCS)):
                 yield told(page, text, link.start(), f"link to {link[1]}, out of the book: its web pages have no such file")
             elif part and part not in {anchor(h) for h in re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)}:
                 yield told(page, text, link.start(), f"link to {link[1]}: no such heading")
@@ -112,9 +118,19 @@ def names(pages, program):
             declared = f'name = "{call[3]}"' in (crate / "Cargo.toml").read_text()
             if not declared and not any((crate / folder / name).exists() for name in (f"{call[3]}.rs", call[3])):
                 yield told(page, text, call.start(), f"{call[1]} has no {call[2]} {call[3]}")
-        for script in re.finditer(r"\b(?:bench|tests|tests-referees|fuzz)/[\w/-]+(?:\.py|\.sh|/run)\b", text):
-            if not (ROOT / script[0]).exists():
-                yield told(page, text, script.start(), f"{script[0]} is not there")
+        for file in FILE.finditer(text):
+            if not (ROOT / file[0]).exists():
+                yield told(page, text, file.start(), f"{file[0]} is not there")
+
+
+def packaged():
+    """Examples and scenarios, of which the book speaks, that the Debian package leaves out."""
+    crate = ROOT / "crates/kurs-cli"
+    assets = tomllib.loads((crate / "Cargo.toml").read_text())["package"]["metadata"]["deb"]["assets"]
+    there = {Path(file).resolve() for source, *_ in assets for file in glob(str(crate / source), recursive=True)}
+    for folder in ("examples", "scenarios"):
+        wanted = {file.resolve() for file in (ROOT / folder).rglob("*") if file.is_file()}
+        yield from (f"crates/kurs-cli/Cargo.toml: {file.relative_to(ROOT)} is not packaged" for file in sorted(wanted - there))
 
 
 def commands(page, program):

@@ -44,8 +44,7 @@ fn arrived() {
         eprintln!("interrupted: what there is gets written (once more: stop at once)");
         return;
     }
-    output::abandon();
-    std::process::exit(i32::from(INTERRUPTED));
+    output::abandon(INTERRUPTED)
 }
 
 /// Asks every run that watches for its end, as the first signal does; `false` takes it back.

@@ -16,8 +16,8 @@ use crate::failure::UsageError;
 /// Begin of the name of the hidden folder in which a run makes its files; its process id follows.
 const STAGING: &str = ".kurs.part";
 
-/// A file in that folder, locked as long as the process lives: however it ends, and on whichever machine
-/// that shares the folder, the system lets go of the lock.
+/// A file in that folder, locked as long as the process lives: however it ends, and on whichever
+/// machine that shares the folder, the system lets go of the lock.
 const LOCK: &str = ".lock";
 
 /// The file of a run that is given its place last, and taken away first.
@@ -30,11 +30,13 @@ fn temporaries() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     TEMPORARIES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes what is in the making: for an end without the ordinary way out.
-pub(crate) fn abandon() {
-    for path in temporaries().iter() {
-        remove(path);
-    }
+/// Removes what is in the making and ends the program: the end without the ordinary way out. The
+/// list stays locked, so that a thread whose files are gone waits for that end, and does not come
+/// before it with an error and a status of its own.
+pub(crate) fn abandon(status: u8) -> ! {
+    let temporaries = temporaries();
+    temporaries.iter().for_each(|path| remove(path));
+    std::process::exit(i32::from(status))
 }
 
 /// Removes a file or a folder; after a success there is nothing to remove.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::manifest::Entry;
 use super::status::{self, FAILURE, SessionStatus};
 use crate::failure::told;
+use crate::interrupt::Interrupted;
 use crate::output;
 use crate::solve::session_args::SessionArgs;
 use crate::solve::{self, Format};
@@ -42,13 +43,16 @@ impl SessionPlan {
         let attempt = catch_unwind(AssertUnwindSafe(|| self.solve(&mut hash)));
         let reason = match attempt {
             Ok(Ok(())) => None,
+            // No failure of this session: the next run solves it.
+            Ok(Err(error)) if error.is::<Interrupted>() => None,
             Ok(Err(error)) => Some(told(&error)),
             Err(_) => Some("stopped by an error of the program".to_owned()),
         };
         let found = SessionStatus::of_result(&self.label, &self.folder);
         match (reason, found) {
             (None, Some(found)) => found,
-            // Rows that are all lost are a result too; an older one, which could not be taken away, is none.
+            // Rows that are all lost are a result too; an older one, which could not be taken away,
+            // is none.
             (Some(_), Some(found)) if hash.is_some_and(|hash| self.is_done(&hash)) => found,
             (None, None) => SessionStatus::failed(&self.label, "interrupted".to_owned()),
             (Some(reason), _) => {

@@ -96,7 +96,7 @@ pub(super) fn fixed_of_session(sample: &Sample, trials: &Trials) -> f64 {
 
 /// By the most frequent reason alone.
 fn unexplained(sample: &Sample, trials: &Trials, integers: &Integers) -> Option<Finding> {
-    let (of, alone) = (sample.epochs.len(), sample.of() - sample.solvable());
+    let (of, alone) = (sample.judged().count(), sample.of() - sample.solvable());
     let reasons = trials.configured.reasons();
     let most = reasons.iter().max_by_key(|(_, count)| **count);
     let in_session =

@@ -114,7 +114,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let file = File {
         version: env!("CARGO_PKG_VERSION"),
         epochs: sample.of(),
-        sampled: sample.epochs.len(),
+        sampled: sample.judged().count(),
         fixed_of_session: examination.fixed_of_session(),
         findings,
         trials: trials.as_ref().map_or_else(Vec::new, Trials::rows),

@@ -19,7 +19,7 @@ use super::sample::Sample;
 /// Arrays thinner than this are flat: their mirror image is themselves, turned.
 const MIN_THICKNESS_M: f64 = 0.03;
 
-/// A way to solve the sample, and its rows.
+/// A way to solve the sample, and the rows of its judged epochs.
 pub(super) struct Trial {
     pub(super) name: String,
     pub(super) rows: Vec<EpochSolution>,
@@ -66,7 +66,7 @@ impl Trials {
                 |_| Vec::new(),
                 |engine| {
                     let mut engine = engine.with_phase_centers(mounts.to_vec());
-                    epochs.iter().map(|epoch| engine.push(epoch)).collect()
+                    sample.rows_judged(epochs.iter().map(|epoch| engine.push(epoch))).collect()
                 },
             );
             Trial { name, rows }

@@ -42,7 +42,7 @@ pub(super) fn usage(
     names: &[String],
 ) -> Vec<UsageRow> {
     let mut rows: BTreeMap<Key, UsageRow> = BTreeMap::new();
-    for (epoch, solution) in sample.epochs.iter().zip(&configured.rows) {
+    for (epoch, solution) in sample.judged().zip(&configured.rows) {
         let used: BTreeMap<Key, (bool, bool)> = solution
             .signals
             .iter()

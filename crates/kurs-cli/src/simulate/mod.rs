@@ -85,7 +85,8 @@ impl LiveScenario {
 
     /// Sends everything at real time.
     pub(crate) fn send(mut self) -> anyhow::Result<()> {
-        stream::send(&mut self.simulation, StreamArgs::default(), self.first_port, true)?;
+        let (watch, args) = (Watch::begin(), StreamArgs::default());
+        stream::send(&mut self.simulation, args, self.first_port, true, &watch)?;
         Ok(())
     }
 }
@@ -96,18 +97,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (scenario, attachments) = load(&args.scenario, &args.set)?;
     let mut simulation = Simulation::new(scenario, &attachments)
         .map_err(|error| UsageError(format!("{}: {error}", args.scenario.display())))?;
+    let watch = Watch::begin();
     if let Some(port) = args.stream.stream {
-        let epochs = stream::send(&mut simulation, args.stream, port, args.quiet)?;
+        let epochs = stream::send(&mut simulation, args.stream, port, args.quiet, &watch)?;
         if !args.quiet {
             output::print(format_args!("{epochs} epochs sent\n"))?;
         }
-        return Ok(ExitCode::SUCCESS);
+        return Ok(watch.status(ExitCode::SUCCESS));
     }
     let folder = OutputFolder::begin(&args.out, OUTPUTS, std::slice::from_ref(&args.scenario))?;
     let mut files = Files::default();
     let mut progress = Progress::start(args.quiet, Work::SIMULATE);
     let mut epoch = SimulatedEpoch::default();
-    let watch = Watch::begin();
     let (start, duration_s) = (simulation.start(), simulation.scenario().duration_s);
     let mut epochs = 0_usize;
     while !watch.asks_to_end() && simulation.next_epoch(&mut epoch) {

@@ -80,17 +80,17 @@ pub(super) fn send(
     args: StreamArgs,
     first_port: u16,
     is_quiet: bool,
+    watch: &Watch,
 ) -> anyhow::Result<usize> {
     let listeners = listen(simulation.scenario(), first_port, is_quiet)?;
     let mut receivers: Vec<Receiver> = Vec::new();
     let (mut epoch, mut count) = (SimulatedEpoch::default(), 0);
-    let watch = Watch::begin();
     let mut begin = None;
     while !watch.asks_to_end() && simulation.next_epoch(&mut epoch) {
         if receivers.is_empty() {
             let navigation = simulation.navigation();
             for (listener, place) in listeners.iter().zip(places(simulation, &epoch)) {
-                let Some(first) = first_client(listener, &watch)? else { return Ok(count) };
+                let Some(first) = first_client(listener, watch)? else { return Ok(count) };
                 receivers.push(Receiver::new(listener, first, place, args, navigation)?);
             }
         }

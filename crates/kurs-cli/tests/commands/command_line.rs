@@ -5,6 +5,7 @@
 
 use std::fs;
 use std::io::Write as _;
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Command as Program, Output, Stdio};
 use std::sync::OnceLock;
@@ -459,6 +460,14 @@ fn an_interrupted_run_is_a_valid_result() {
         "track.kml",
     ];
     assert_eq!(names(&out), expected);
+
+    // A session of an archive that is cut short, and has nothing to show, has not failed.
+    let manifest = "label,config,set\nday,kurs-out/simulate/kurs.toml,elevation_mask_deg=89\n";
+    fs::write(folder.path().join("archive.csv"), manifest).unwrap();
+    let out = folder.path().join("kurs-out/batch/session=day");
+    let output = interrupted(folder.path(), &out, &["batch", "archive.csv"]);
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(!out.join("failure.json").exists());
 }
 
 /// With a part of the car nothing is solved, and what is not there yet is no error of the input.
@@ -480,6 +489,21 @@ fn a_run_interrupted_too_early_says_so() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{said}");
     assert!(said.contains("interrupted before there was"), "{said}");
+}
+
+/// One that waits for somebody to send to.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_stream_is_not_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let is_free = |port: u16| TcpListener::bind(("127.0.0.1", port)).is_ok();
+    let first = (20_000..30_000).find(|port| is_free(*port) && is_free(port + 1)).unwrap();
+    let (scenario, port) = (file("scenario.toml"), first.to_string());
+    let arguments = ["simulate", &scenario, "--stream", &port];
+    // Whoever asks whether it listens is its first client.
+    let is_listening = || TcpStream::connect(("127.0.0.1", first)).is_ok();
+    let output = interrupted_when(folder.path(), &arguments, is_listening);
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// The limit on the size of files stands for a full disk: a write fails in the middle of a table.
@@ -752,7 +776,8 @@ fn a_batch_solves_each_session_once_and_counts_the_failed() {
     assert!(String::from_utf8(said).unwrap().starts_with(expected));
 }
 
-/// A result that is there when an attempt fails is one of other inputs: here one of these would be overwritten.
+/// A result that is there when an attempt fails is one of other inputs: here one of these would be
+/// overwritten.
 #[test]
 fn an_older_result_is_none_of_a_run_that_failed() {
     let folder = archive();

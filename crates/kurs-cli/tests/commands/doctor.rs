@@ -110,6 +110,14 @@ fn a_good_session_has_no_findings() {
     assert_eq!(findings(&configuration), Vec::<String>::new());
 }
 
+/// Its epochs are only sure of each other: those of a sample have to have their neighbours.
+#[test]
+fn a_weak_session_that_is_fixed_has_no_findings() {
+    let folder = TempDir::new().unwrap();
+    kurs().args(["simulate", "few-satellites", "--out"]).arg(folder.path()).assert().success();
+    assert_eq!(findings(&folder.path().join("kurs.toml")), Vec::<String>::new());
+}
+
 #[test]
 fn a_wrong_position() {
     let folder = TempDir::new().unwrap();
@@ -321,8 +329,8 @@ fn a_single_band_without_geometry() {
     assert_eq!(found, ["weak_model", "unused_bands"]);
 }
 
-/// Half of the sky is hidden and every system has one band: nothing is fixed without the array, and the right lengths
-/// alone fix less than wrong ones do by chance.
+/// Half of the sky is hidden and every system has one band: nothing is fixed without the array, and
+/// the right lengths alone fix less than wrong ones do by chance.
 #[test]
 fn a_weak_sky_accuses_no_geometry() {
     let keys = "signals = [\"G1C\", \"E1C\", \"C2I\"]";
