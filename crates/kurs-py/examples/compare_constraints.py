@@ -16,4 +16,4 @@ with tempfile.TemporaryDirectory() as folder:
 
 #> none: 47 of 61 epochs fixed
 #> length: 56 of 61 epochs fixed
-#> array: 58 of 61 epochs fixed
+#> array: 59 of 61 epochs fixed
