@@ -52,7 +52,7 @@ fn covariances_hold_under_reflections() {
 fn a_known_array_costs_no_fixes() {
     let solve = |constraint| {
         let mut scenario = solving::ready("canopy-array");
-        scenario.duration_s = 100.0;
+        scenario.duration_s = 400.0;
         let known = as_told(&scenario, constraint);
         let mut tally = Tally::default();
         solving::solve(scenario, known, |truth, row, integers| tally.add(truth, row, integers));
