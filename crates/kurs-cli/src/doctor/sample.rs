@@ -15,12 +15,7 @@ use crate::solve::streams::Streams;
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 /// Consecutive epochs that are taken together: an isolated fix of a weak model is unproven until
 /// one beside it agrees. The first of a run, which one before it would have proven in the session,
-/// is not judged. Share of the fixed rows less that of the session, root mean square of 14 sessions
-/// of
-/// `scenarios/car.toml` (G1C and E1C, code 0.6 to 1 m, phase 3 to 5 mm, 81 to 99 % fixed) through
-/// `kurs solve`: 0.21 with all rows judged, 0.12 without the first. Without four it is 0.10, which
-/// half of the rows are not worth; runs of 4 and 16 without their first give 0.17 and 0.16 (eight
-/// of the sessions).
+/// is not judged. Half and twice as many tell the share of a weak session worse.
 const RUN: u64 = 8;
 
 /// The sample, and what was seen of the rest.
