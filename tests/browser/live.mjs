@@ -2,7 +2,8 @@
 // a reload and a restart of the service, asks nothing of others, tells no error, changes nothing without the token;
 // and how much of the browser's time it takes.
 //
-//   node live.mjs FOLDER KURS [SECONDS]      SECONDS of measurement (default 5); screenshots go to FOLDER
+//   node live.mjs FOLDER KURS [SECONDS [SLACK]]     SECONDS of measurement (default 5), SLACK times the bounds of time
+//                                                   (default 1); screenshots go to FOLDER
 //
 // Script and layout (with style and paint) are summed over 50 ms, which is one update at 20 Hz, in processor time of
 // the page's main thread, so that other programs on the machine do not count.
@@ -20,7 +21,7 @@ const UPDATE_MS = 50;
 const TOKEN = "a token of the test";
 const TOKEN_SHOWN = TOKEN.replaceAll(" ", "-");
 
-const [folder, kurs, seconds = "5"] = process.argv.slice(2);
+const [folder, kurs, seconds = "5", slack = "1"] = process.argv.slice(2);
 mkdirSync(folder, { recursive: true });
 const faults = [];
 const fault = (text) => faults.push(text);
@@ -204,7 +205,7 @@ function judgeTrace(events, growth) {
     bins.set(bin, (bins.get(bin) ?? 0) + cpu(event));
   }
   const sums = [...bins.values()].sort((a, b) => a - b);
-  const quantile = (share) => sums[Math.min(sums.length - 1, Math.floor(share * sums.length))] ?? NaN;
+  const quantile = (share) => sums[Math.max(Math.ceil(share * sums.length), 1) - 1] ?? NaN; // by rank
   const tasks = main.filter((event) => /RunTask$/.test(event.name)).map(cpu);
   const longest = tasks.reduce((most, task) => Math.max(most, task), 0);
   console.log(
@@ -213,8 +214,8 @@ function judgeTrace(events, growth) {
       `${longest.toFixed(1)} ms; heap ${(growth / 1e6).toFixed(2)} MB more`,
   );
   if (!(sums.length > seconds * 10)) fault(`only ${sums.length} updates in the trace`);
-  if (!(quantile(0.99) <= MOST_UPDATE_MS)) fault(`an update takes ${quantile(0.99)} ms (p99)`);
-  if (!(longest <= MOST_TASK_MS)) fault(`a task of ${longest} ms`);
+  if (!(quantile(0.99) <= slack * MOST_UPDATE_MS)) fault(`an update takes ${quantile(0.99)} ms (p99)`);
+  if (!(longest <= slack * MOST_TASK_MS)) fault(`a task of ${longest} ms`);
   if (growth > MOST_GROWTH_BYTES) fault(`the heap grows by ${growth} bytes`);
 }
 
