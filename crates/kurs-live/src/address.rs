@@ -103,13 +103,13 @@ pub struct Place {
 impl Place {
     /// `HOST:PORT`, the host in brackets where it has colons of its own.
     pub(crate) fn authority(&self) -> String {
-        format!("{}:{}", self.bracketed(), self.port)
+        format!("{}:{}", bracketed(&self.host), self.port)
     }
+}
 
-    fn bracketed(&self) -> String {
-        let host = &self.host;
-        if host.contains(':') { format!("[{host}]") } else { host.clone() }
-    }
+/// A host as it stands before a port.
+fn bracketed(host: &str) -> String {
+    if host.contains(':') { format!("[{host}]") } else { host.to_owned() }
 }
 
 /// What is wrong with an address.
@@ -265,14 +265,32 @@ fn named(path: String) -> Result<PathBuf, String> {
 
 /// Checks `HOST:PORT`; where a default is given the host may be left out.
 fn host_and_port(text: &str, default_host: Option<&str>) -> Result<String, String> {
-    let (host, port) = text.rsplit_once(':').ok_or("expected HOST:PORT")?;
-    let port: u16 = port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?;
-    let host = match (host, default_host) {
-        ("", Some(default)) => default,
-        ("", None) => return Err("a host is missing, expected HOST:PORT".into()),
-        (host, _) => host,
+    let (host, port) = host_then_port(text)?;
+    let port = port_number(port.ok_or("expected HOST:PORT")?)?;
+    match (host, default_host) {
+        ("", Some(default)) => Ok(format!("{default}:{port}")),
+        ("", None) => Err("a host is missing, expected HOST:PORT".into()),
+        (host, _) => Ok(format!("{}:{port}", bracketed(host))),
+    }
+}
+
+/// Host and port of `HOST[:PORT]`; an address of IPv6 has colons of its own and stands in brackets.
+fn host_then_port(text: &str) -> Result<(&str, Option<&str>), String> {
+    let in_brackets = text.strip_prefix('[').and_then(|rest| rest.split_once(']'));
+    let (host, port) = match in_brackets {
+        Some((host, port)) => {
+            (host, port.strip_prefix(':').map_or((!port.is_empty()).then_some(port), Some))
+        }
+        None => text.rsplit_once(':').map_or((text, None), |(host, port)| (host, Some(port))),
     };
-    Ok(format!("{host}:{port}"))
+    if host.contains(['[', ']']) || (in_brackets.is_none() && host.contains(':')) {
+        return Err(format!("host {host:?} is neither a name nor an address of IPv6 in brackets"));
+    }
+    Ok((host, port))
+}
+
+fn port_number(text: &str) -> Result<u16, String> {
+    text.parse().map_err(|_| format!("port {text:?} is no number up to 65535"))
 }
 
 fn ntrip(text: &str, tls: bool) -> Result<Ntrip, String> {
@@ -298,7 +316,7 @@ fn zenoh(text: &str) -> Result<Zenoh, String> {
         return Err("a key has neither `*`, `$`, `?`, `#` nor an empty part".into());
     }
     // Zenoh has addresses of IPv6 in brackets, too.
-    let (host, port) = (place.bracketed(), place.port);
+    let (host, port) = (bracketed(&place.host), place.port);
     Ok(Zenoh { host, port, key })
 }
 
@@ -314,23 +332,8 @@ fn place_and_name(text: &str, default_port: u16, what: &str) -> Result<(Place, S
         let (name, password) = user.split_once(':').unwrap_or((user, ""));
         (unescaped(name), unescaped(password))
     });
-    // An address of IPv6 has colons of its own and stands in brackets.
-    let bracketed = place.strip_prefix('[').and_then(|rest| rest.split_once(']'));
-    let (host, port) = match bracketed {
-        Some((host, port)) => {
-            (host, port.strip_prefix(':').map_or((!port.is_empty()).then_some(port), Some))
-        }
-        None => place.rsplit_once(':').map_or((place, None), |(host, port)| (host, Some(port))),
-    };
-    if host.contains(['[', ']']) || (bracketed.is_none() && host.contains(':')) {
-        return Err(format!("host {host:?} is neither a name nor an address of IPv6 in brackets"));
-    }
-    let port = match port {
-        Some(port) => {
-            port.parse().map_err(|_| format!("port {port:?} is no number up to 65535"))?
-        }
-        None => default_port,
-    };
+    let (host, port) = host_then_port(place)?;
+    let port = port.map_or(Ok(default_port), port_number)?;
     let is_plain = |text: &str| text.bytes().all(|b| b.is_ascii_graphic());
     if host.is_empty() || name.is_empty() || !is_plain(host) || !is_plain(name) {
         return Err(form());
@@ -388,6 +391,7 @@ mod tests {
         let wanted = Address::TcpListen { at: "127.0.0.1:2947".into() };
         assert_eq!(read("tcp-listen://:2947"), wanted);
         assert_eq!(read("udp://0.0.0.0:9"), Address::Udp { at: "0.0.0.0:9".into() });
+        assert_eq!(read("tcp://[::1]:80"), Address::Tcp { to: "[::1]:80".into() });
         let log = Address::File { path: "a.ubx".into(), speed: 0.0 };
         assert_eq!(read("file://a.ubx?speed=0"), log);
         assert!(log.is_unpaced_file() && !read("file://a.ubx").is_unpaced_file());
@@ -477,6 +481,7 @@ mod tests {
             ("tcp://h", "HOST:PORT"),
             ("tcp://h:70000", "70000"),
             ("udp://h:p", "\"p\""),
+            ("tcp://::1:80", "IPv6 in brackets"),
             ("serial://", "path is missing"),
             ("serial:///dev/a?baud=fast", "\"fast\""),
             ("serial:///dev/a?rate=9", "`rate`, expected `baud`"),
