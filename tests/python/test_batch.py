@@ -295,7 +295,9 @@ except KeyboardInterrupt:
 
 def test_ctrl_c_leaves_no_short_solution_in_another_thread(manifest):
     code = f"""
-import os, signal, threading, kurs
+import os, signal, sys, threading, kurs
+# A Ctrl-C that meets Python as it removes a folder is lost there; the next one is heard.
+sys.unraisablehook = lambda lost: lost.exc_type is KeyboardInterrupt or sys.__unraisablehook__(lost)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 config = {str(manifest.parent / 'day0/kurs.toml')!r}
 epochs = [kurs.solve(config).summary["epochs"]]
@@ -322,5 +324,4 @@ print(len(set(epochs)))
 """
     for _ in range(3):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-        # Ctrl-C may meet Python as it removes a folder, and is lost there: it says so, and the next one is heard.
-        assert done.stdout == "1\n" and "Exception in thread" not in done.stderr, done.stderr
+        assert done.stdout == "1\n" and not done.stderr, done.stderr

@@ -205,11 +205,12 @@ impl Estimator {
     /// prediction where the epoch alone is not sure.
     fn fix(&mut self, mut epoch: Epoch, predicted: Option<&PredictedAttitude>) -> Searched {
         self.searches.begin_epoch();
-        let known = self.known();
-        let mut fix = self.fix_whole(&epoch, known);
+        let (known, doubt) = (self.known(), self.session_fit.doubt());
+        let mut fix = self.fix_whole(&epoch, known, doubt);
         self.learn_phases(&epoch, &fix);
 
-        let Trials { best, misfit_without_mixed } = self.without_suspects(&epoch, &fix, known);
+        let Trials { best, misfit_without_mixed } =
+            self.without_suspects(&epoch, &fix, known, doubt);
         self.learn_mixed(&fix, misfit_without_mixed);
         let left_out = best.as_ref().map(|subset| subset.left_out);
         if let Some(subset) = best {
@@ -234,14 +235,13 @@ impl Estimator {
     }
 
     /// The integers of all phases, with the geometry in doubt as far as the session doubts it.
-    fn fix_whole(&mut self, epoch: &Epoch, known: Known) -> Fix {
-        let doubt = self.session_fit.doubt();
+    fn fix_whole(&mut self, epoch: &Epoch, known: Known, doubt: f64) -> Fix {
         let problem = Problem { doubt, ..epoch.problem(&epoch.float, &self.settings, known) };
         self.searches.fix(&problem)
     }
 
     /// The integers of parts of the epoch, where those of the whole are not accepted.
-    fn without_suspects(&mut self, epoch: &Epoch, fix: &Fix, known: Known) -> Trials {
+    fn without_suspects(&mut self, epoch: &Epoch, fix: &Fix, known: Known, doubt: f64) -> Trials {
         let (settings, glonass_ifb) = (&self.settings, &self.glonass_ifb);
         let are_carried = self.recursive.is_some();
         // Some receivers have the phases of BeiDou's geostationary satellites a part of a cycle off
@@ -251,7 +251,6 @@ impl Estimator {
             link.phase_m.is_some()
                 && (is_geostationary || glonass_ifb.is_unknown(link, are_carried))
         };
-        let doubt = self.session_fit.doubt();
         let doubted = Doubted { epoch, fix, settings, known, doubt, is_mixed: &is_mixed };
         self.subsets.find(&mut self.searches, &doubted)
     }

@@ -35,7 +35,7 @@ const PHASE_PRIOR: f64 = 8.0;
 /// Degrees of freedom that the level of all bands counts for on each band.
 const BAND_PRIOR: f64 = 10.0;
 /// Degrees of freedom after which old epochs are forgotten: multipath changes over minutes.
-pub(super) const MEMORY: f64 = 1000.0;
+const MEMORY: f64 = 1000.0;
 /// No session is better than this share of the a-priori standard deviation.
 const MIN_SCALE: f64 = 0.2;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
@@ -50,6 +50,11 @@ const MOST_MEAN: f64 = 0.778;
 const KNOWN: f64 = 10.0;
 /// While the code's level is known with less than this, an epoch's own residuals enter its weights.
 const YOUNG: f64 = 30.0;
+
+/// Share of what old epochs have taught that remains beside so many new squares.
+pub(super) fn kept(news: f64) -> f64 {
+    (1.0 - news / MEMORY).max(0.5)
+}
 
 /// Squares in units of the a-priori variances, and the degrees of freedom they stand for.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -74,7 +79,7 @@ impl Squares {
 
     /// Takes the squares of one epoch in.
     fn learn(&mut self, epoch: Self) {
-        let keep = (1.0 - epoch.degrees_of_freedom / MEMORY).max(0.5);
+        let keep = kept(epoch.degrees_of_freedom);
         self.sum = self.sum * keep + epoch.sum;
         self.degrees_of_freedom = self.degrees_of_freedom * keep + epoch.degrees_of_freedom;
     }

@@ -4,7 +4,7 @@ use crate::difference::Link;
 use crate::float_solution::Fit;
 use crate::signal::{Band, Satellite};
 
-use super::noise_levels::{MAX_SQUARE, MEMORY};
+use super::noise_levels::{MAX_SQUARE, kept};
 
 /// Degrees of freedom that the level of the session counts for beside one epoch's own residuals: as many as between
 /// skies, which is what a passing reflection makes of one (beyond three sigmas are 1.5 % of the fixes of five bands in a
@@ -149,7 +149,7 @@ impl CommonShare {
     }
 
     pub(super) fn learn(&mut self, epoch: Self) {
-        let keep = (1.0 - epoch.apart / MEMORY).max(0.5);
+        let keep = kept(epoch.apart);
         self.together = self.together * keep + epoch.together;
         self.apart = self.apart * keep + epoch.apart;
     }

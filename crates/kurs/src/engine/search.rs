@@ -32,7 +32,7 @@ const RIVAL_SHARE: f64 = 0.1;
 const ARRAY_HORIZON: f64 = 30.0;
 /// Of the work of an array's search, where it hardly helps: code full of reflections leads it away, and a model that is strong
 /// without the constraint has what is wrong elsewhere. The rest is for the trials without code and without suspects (under
-/// branches, `scenarios/canopy-array.toml`, 565 of 601 epochs with a third, 490 with all).
+/// branches, `scenarios/canopy-array.toml`, 562 of 601 epochs with a third, 490 with all).
 const IN_VAIN: usize = 3;
 /// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers took five at
 /// most, and those that took more than sixteen cost four times their degrees of freedom.

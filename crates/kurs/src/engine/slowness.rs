@@ -5,7 +5,7 @@ use crate::float_solution::recursive::CORRELATION_S;
 use crate::signal::{Band, Satellite};
 use crate::time::GpsTime;
 
-use super::noise_levels::{MAX_SQUARE, MEMORY};
+use super::noise_levels::{MAX_SQUARE, kept};
 
 /// "All noise changes slowly" counts as much as so many squares.
 const SLOW_PRIOR: f64 = 100.0;
@@ -67,7 +67,7 @@ impl Slowness {
             }
             products *= (elapsed_s / CORRELATION_S).exp();
         }
-        let keep = (1.0 - squares / MEMORY).max(0.5);
+        let keep = kept(squares);
         self.products = self.products * keep + products;
         self.squares = self.squares * keep + squares;
         (self.last, self.last_time) = (now, Some(time));

@@ -33,9 +33,8 @@ pub fn observation_file(bytes: &[u8]) {
             Err(ReadError::WrongContent { .. }) if is_log => return,
             // Files of two versions or two forms in one.
             Err(ReadError::Line { what, .. })
-                if ["a second header of", "a compact file begins"]
-                    .iter()
-                    .any(|joined| what.starts_with(joined)) =>
+                if what.starts_with("a second header of")
+                    || what.starts_with("a compact file begins") =>
             {
                 return;
             }
