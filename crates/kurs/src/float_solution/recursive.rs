@@ -222,7 +222,10 @@ impl RecursiveFloat {
         let mut now: Vec<(Arc, Option<usize>)> = Vec::with_capacity(links.len());
         for phases in &epoch.phases {
             let used = phases.used_links();
-            let codes = codes(used.iter().map(|link| &links[*link]));
+            let codes = codes(used.iter().map(|link| {
+                let link = &links[*link];
+                (link.antenna, link.signal.attribute)
+            }));
             now.extend(used.iter().map(|link| {
                 let begun = Arc::begin(&links[*link], arc(&links[*link]), codes.clone());
                 (begun, Some(*link))
@@ -455,9 +458,9 @@ impl Arc {
     }
 }
 
-/// The codes of a group: one for all, or those of each antenna.
-fn codes<'a>(links: impl Iterator<Item = &'a Link>) -> Codes {
-    let mut codes: Codes = links.map(|link| (link.antenna, link.signal.attribute)).collect();
+/// The codes of a group's links: one for all, or those of each antenna.
+fn codes(of_links: impl Iterator<Item = (usize, u8)>) -> Codes {
+    let mut codes: Codes = of_links.collect();
     codes.sort_unstable();
     codes.dedup();
     match codes[..] {
@@ -531,6 +534,27 @@ mod tests {
         // Nothing to compare with.
         let news = observed(&phases([0.0, 0.19, 0.0]));
         assert_eq!(worst_departure(&observed(&[]), &news, &[0, 1, 2, 3], 1, &least_m), None);
+    }
+
+    #[test]
+    fn a_new_arc_and_one_without_redundance_cannot_slip() {
+        let news = observed(&phases([0.0, 5.0, 0.0]));
+        let baseline = ([1.0, 0.0, 0.0, 0.0], 0.0, 1e6);
+        let old = phases([0.0; 3]);
+        let without_second = observed(&[baseline, old[0], old[2]]);
+        let slipped = |prior| worst_departure(prior, &news, &[0, 1, 2, 3], 1, &[0.05; 3]);
+        assert_eq!(slipped(&without_second), None);
+        assert_eq!(slipped(&observed(&[baseline, old[0], old[1], old[2]])), Some(1));
+    }
+
+    #[test]
+    fn a_group_has_one_code_or_those_of_its_antennas() {
+        let of = |links: &[(usize, u8)]| codes(links.iter().copied());
+        let one = of(&[(0, b'C'), (1, b'C'), (2, b'C')]);
+        assert_eq!(one[..], [(usize::MAX, b'C')]);
+        assert_eq!(of(&[(2, b'C')]), one, "an antenna that comes or goes begins no new arcs");
+        let mixed = [(0, b'W'), (1, b'L')];
+        assert_eq!(of(&[(1, b'L'), (0, b'W'), (1, b'L')])[..], mixed);
     }
 
     #[test]
