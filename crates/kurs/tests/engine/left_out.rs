@@ -100,6 +100,29 @@ fn an_antenna_that_is_tagged_late_is_left_out_and_named() {
     }
 }
 
+/// An antenna that shares too few satellites with the others has a position, but no baseline.
+#[test]
+fn an_antenna_among_other_satellites_is_left_out_and_named() {
+    let mut world = World::new().unwrap();
+    let body = Motion::at_rest(degrees(120.0, 2.0, 1.0), &RECTANGLE_M);
+    let mut engine = engine(told(&body), &world);
+    for second in 0..3 {
+        let mut epoch = world.epoch(&body, f64::from(second));
+        let mut satellites: Vec<_> =
+            epoch.antennas[3].as_ref().unwrap().observations.iter().map(|o| o.satellite).collect();
+        satellites.dedup();
+        let (apart, shared) = satellites.split_at(5);
+        for (antenna, observed) in epoch.antennas.iter_mut().flatten().enumerate() {
+            let seen = if antenna == 3 { [apart, &shared[..1]] } else { [shared, &[]] };
+            observed.observations.retain(|o| seen.iter().any(|of| of.contains(&o.satellite)));
+        }
+        let row = engine.push(&epoch);
+        assert_eq!(row.idle_antennas, [(3, Reason::FewSatellites)]);
+        assert_eq!(row.baselines.len(), 2, "{:?}", row.reason());
+        assert!(errors_in_sigmas(&row, &body.attitude).iter().flatten().all(|e| e.abs() < 5.0));
+    }
+}
+
 /// An antenna with three satellites has no position and no baseline; the first one that has is the position's,
 /// and the body's origin follows from *its* place.
 #[test]
