@@ -157,7 +157,8 @@ impl StationChains {
 
     /// Gives the row the antennas' coordinates by code, and puts the coordinates of the antenna whose position it
     /// has in the place of its own: by phase for the first one, if its integers are accepted, or else by code. A station
-    /// that is not where it is said to be shows against the antenna's own code, and is not used.
+    /// that is not where it is said to be shows against the antenna's own code, and is not used; nor is what a receiver
+    /// does not trust.
     fn improve(
         &mut self,
         engine: &Engine,
@@ -166,6 +167,13 @@ impl StationChains {
         row: &mut EpochSolution,
     ) {
         let navigation = engine.navigation();
+        let antennas = epoch.antennas.iter().flatten();
+        let is_trusted =
+            antennas.chain([observed]).all(|antenna| engine.settings().trusts(antenna));
+        let push = |chain: &mut Estimator, epoch: &ArrayEpoch| match is_trusted {
+            true => chain.push(navigation, epoch, None),
+            false => chain.push_untrusted(navigation, epoch, None),
+        };
         let age_s = epoch.time - observed.time;
         let is_carried = age_s > MIN_CARRIED_S;
         let observed = match is_carried {
@@ -182,14 +190,16 @@ impl StationChains {
                 (_, antenna) => *buffer = antenna.cloned(),
             }
         }
-        let by_code = self.code.push(navigation, &self.epoch, None);
+        let by_code = push(&mut self.code, &self.epoch);
         let by_phase = match is_carried {
-            false => Some(self.phase.push(navigation, &self.epoch, None)),
-            true if age_s <= MAX_PHASE_AGE_S => {
-                Some(self.carried.push(navigation, &self.epoch, None))
-            }
+            false => Some(push(&mut self.phase, &self.epoch)),
+            true if age_s <= MAX_PHASE_AGE_S => Some(push(&mut self.carried, &self.epoch)),
             true => None,
         };
+        self.used.epochs += 1;
+        if !is_trusted {
+            return;
+        }
         let grown_m = match is_carried {
             true => COORDINATE_DOP * CLOCK_STABILITY * SPEED_OF_LIGHT_MPS * age_s,
             false => 0.0,
@@ -203,7 +213,6 @@ impl StationChains {
             None => PositionOrigin::StationCode,
         };
         let best = first.or_else(|| row.by_code.first().copied());
-        self.used.epochs += 1;
         let (Some(own), Some(best)) = (row.position, best) else { return };
         let own_points = core::mem::take(&mut row.points);
         row.position = Some(PositionEstimate {

@@ -852,16 +852,6 @@ impl Config {
         let array = positions.map(AntennaArray::new).transpose().map_err(named)?;
         array.as_ref().map_or(Ok(()), AntennaArray::check_extent).map_err(named)?;
         let bands = solve.bands.as_ref().map(|bands| self.bands(bands)).transpose()?;
-        if !(0.0..=1.0).contains(&solve.glonass_channel_sd_m) {
-            let found = solve.glonass_channel_sd_m;
-            let text = format!("glonass_channel_sd_m is {found}, expected 0 to 1 m");
-            return Err(UsageError(text));
-        }
-        for (key, value) in [("code_sd_m", solve.code_sd_m), ("phase_sd_m", solve.phase_sd_m)] {
-            if !(1e-6..=100.0).contains(&value) {
-                return Err(UsageError(format!("{key} is {value}, expected 1e-6 to 100 m")));
-            }
-        }
         let settings = Settings {
             antennas: antenna.len(),
             array,

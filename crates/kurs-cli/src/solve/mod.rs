@@ -403,8 +403,13 @@ fn in_keys(error: &SettingsError) -> String {
                 [found, low, high].map(|rad| (rad.to_degrees() * 1e9).round() / 1e9);
             return format!("{stem}_deg is {found}, expected {low} to {high} degrees");
         }
-        None if *field == "m_per_sqrt_s" => "random_walk_m",
-        None => field,
+        None => match *field {
+            "m_per_sqrt_s" => "random_walk_m",
+            "code_zenith_m" => "code_sd_m",
+            "phase_zenith_m" => "phase_sd_m",
+            "channel_sd_m" => "glonass_channel_sd_m",
+            as_it_is => as_it_is,
+        },
     };
     let unit = if key.ends_with("_m") { " m" } else { "" };
     format!("{key} is {found}, expected {low} to {high}{unit}")

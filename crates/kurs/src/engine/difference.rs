@@ -25,7 +25,9 @@ impl Estimator {
         located: &mut Vec<Located>,
         row: &mut EpochSolution,
     ) -> Result<Epoch, Reason> {
-        let pinned_m = self.settings.first_antenna_m;
+        // Where the first antenna is silent, no other takes its place.
+        let is_there = located.first().is_some_and(|one| one.antenna == 0);
+        let pinned_m = self.settings.first_antenna_m.filter(|_| is_there);
         loop {
             let frame = select(located, pinned_m, &mut row.idle_antennas)?;
             let mut links = core::mem::take(&mut self.links);

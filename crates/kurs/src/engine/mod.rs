@@ -59,8 +59,7 @@ pub use settings::{Ambiguities, Constraint, Settings, SettingsError};
 
 use crate::antenna_calibration::MountedAntenna;
 use crate::ephemeris::NavigationData;
-use crate::observation::interference::Spoofing;
-use crate::observation::{AntennaEpoch, ArrayEpoch};
+use crate::observation::ArrayEpoch;
 use crate::solution::{EpochSolution, Reason};
 
 /// The estimator with its navigation data: one epoch of all antennas in, one row out.
@@ -121,10 +120,7 @@ impl Engine {
         epoch: &ArrayEpoch,
         predicted: Option<&PredictedAttitude>,
     ) -> EpochSolution {
-        let is_spoofed = |of: &AntennaEpoch| of.interference.spoofing == Spoofing::Stated;
-        let is_trusted = !self.settings().use_interference_flags
-            || !epoch.antennas.iter().flatten().any(is_spoofed);
-        if is_trusted {
+        if epoch.antennas.iter().flatten().all(|antenna| self.settings().trusts(antenna)) {
             return self.estimator.push(&self.navigation, epoch, predicted);
         }
         let mut row = self.estimator.push_untrusted(&self.navigation, epoch, predicted);

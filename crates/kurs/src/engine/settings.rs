@@ -1,12 +1,17 @@
 //! What the engine is told once: the array, the bands, the constraint, the limits.
 
-use crate::array::{AntennaArray, ArrayError};
+use crate::array::{AntennaArray, ArrayError, MAX_SEPARATION_M};
 use crate::float_solution::recursive::Motion;
 use crate::frames::{Body, Ecef, Vector};
+use crate::observation::AntennaEpoch;
+use crate::observation::interference::Spoofing;
 use crate::signal::{Band, System};
 use crate::sky::NoiseModel;
 
 use super::direction::Direction;
+
+/// No antenna is farther from the middle of the Earth: the geostationary orbit is half of it.
+const MAX_PLACE_M: f64 = 1e8;
 
 /// What is known of the geometry inside the integer search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -183,7 +188,23 @@ impl Settings {
         if let Ambiguities::Continuous(Motion::RandomWalk { m_per_sqrt_s }) = self.ambiguities {
             within("m_per_sqrt_s", m_per_sqrt_s, 1e-6, 1e3)?;
         }
+        within("code_zenith_m", self.noise.code_zenith_m, 1e-6, 100.0)?;
+        within("phase_zenith_m", self.noise.phase_zenith_m, 1e-6, 100.0)?;
+        within("full_cn0_dbhz", self.noise.full_cn0_dbhz, 0.0, 100.0)?;
+        within("channel_sd_m", self.noise.channel_sd_m, 0.0, 1.0)?;
+        for point in &self.points_m {
+            within("points_m", point.norm(), 0.0, MAX_SEPARATION_M)?;
+        }
+        if let Some(place) = self.first_antenna_m {
+            within("first_antenna_m", place.norm(), 0.0, MAX_PLACE_M)?;
+        }
         within("max_wrong_fix_rate", self.max_wrong_fix_rate, 1e-9, 0.5)
+    }
+
+    /// Whether what this receiver measures may be taken: unless it says itself that its signals are spoofed.
+    #[must_use]
+    pub fn trusts(&self, antenna: &AntennaEpoch) -> bool {
+        !self.use_interference_flags || antenna.interference.spoofing != Spoofing::Stated
     }
 
     /// Whether satellites of this system are used at all; positions take all their bands.

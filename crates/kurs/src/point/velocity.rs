@@ -11,10 +11,12 @@ use crate::frames::{EARTH_RATE_RADPS, Ecef, Vector};
 use crate::signal::SPEED_OF_LIGHT_MPS;
 use crate::sky::{MIN_SIN_ELEVATION, View};
 
-/// Doppler noise at the zenith and full signal strength, m/s.
+/// Doppler noise at the zenith, m/s.
 const DOPPLER_ZENITH_MPS: f64 = 0.02;
 /// A range rate that differs from the others by more than this is not used, m/s.
 const OUTLIER_MPS: f64 = 1.0;
+/// A range rate of less redundance than this (of 1) shows nothing of its error.
+const MIN_REDUNDANCY: f64 = 1e-6;
 
 /// Velocity of an antenna and drift of its clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +37,7 @@ struct Equation {
 }
 
 /// Velocity at the position `point`, from the satellites above the mask that have a Doppler shift;
-/// `None` with fewer than four of them.
+/// `None` with fewer than four of them, or where no five agree once others had to be left out.
 #[must_use]
 pub fn velocity(
     tracked: &[Tracked],
@@ -45,14 +47,13 @@ pub fn velocity(
     let lowest = point.horizon.lowest_elevation_rad(elevation_mask_rad).sin();
     let of_satellite = |satellite: &Tracked| equation(satellite, point, lowest);
     let mut equations: SmallVec<[Equation; 32]> = tracked.iter().filter_map(of_satellite).collect();
-    let (first, cofactor) = least_squares(&equations)?;
-    let before = equations.len();
-    // The first pass shows the outliers, the second one goes without them.
-    equations.retain(|e| (e.innovation_mps - e.row.dot(&first)).abs() <= OUTLIER_MPS);
-    let (estimate, cofactor) = match equations.len() == before {
-        true => (first, cofactor),
-        false => least_squares(&equations)?,
-    };
+    let mut found = least_squares(&equations)?;
+    while let Some(outlier) = outlier(&equations, &found) {
+        equations.remove(outlier);
+        // What is left must agree with more than itself.
+        found = least_squares(&equations).filter(|_| equations.len() > 4)?;
+    }
+    let (estimate, cofactor) = found;
     Some(Velocity {
         velocity_mps: Vector::new(estimate.x, estimate.y, estimate.z),
         covariance_m2ps2: cofactor.fixed_view::<3, 3>(0, 0).into_owned(),
@@ -91,6 +92,24 @@ fn least_squares(equations: &[Equation]) -> Option<(Vector4<f64>, Matrix4<f64>)>
     let factor = normal.cholesky().filter(|_| equations.len() >= 4)?;
     let cofactor = factor.inverse();
     Some((cofactor * right, cofactor))
+}
+
+/// Of range rates that do not agree, the one with the largest residual in standard deviations of its own,
+/// `v² p / (1 − p rowᵀ C row)`: of one error among exact values it is the wrong one, however large the error.
+fn outlier(
+    equations: &[Equation],
+    (estimate, cofactor): &(Vector4<f64>, Matrix4<f64>),
+) -> Option<usize> {
+    let residual_mps = |e: &Equation| e.innovation_mps - e.row.dot(estimate);
+    if equations.iter().all(|e| residual_mps(e).abs() <= OUTLIER_MPS) {
+        return None;
+    }
+    let squared_sigmas = |e: &Equation| {
+        let share = 1.0 - e.weight * e.row.dot(&(cofactor * e.row));
+        residual_mps(e).powi(2) * e.weight / share.max(MIN_REDUNDANCY)
+    };
+    let of_each = equations.iter().map(squared_sigmas).enumerate();
+    of_each.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
 /// The part of the range rate that does not depend on the antenna's velocity: the satellite's

@@ -3,8 +3,9 @@
 use kurs::differential::Differential;
 use kurs::engine::Ambiguities;
 use kurs::float_solution::recursive::Motion as Moves;
+use kurs::observation::interference::{Interference, Spoofing};
 use kurs::solution::{Outcome, PositionOrigin};
-use kurs::{Constraint, Engine, EpochSolution, Reason, Settings, Status, Vector};
+use kurs::{ArrayEpoch, Constraint, Engine, EpochSolution, Reason, Settings, Status, Vector};
 use nalgebra::Vector3;
 
 use super::world::{Motion, World};
@@ -246,8 +247,8 @@ fn carried_ambiguities_find_the_same_body() {
     }
 }
 
-/// A body and a station 2 km away that is antenna 3 of the world.
-fn beside_a_station(station_satellites: usize) -> (Motion, Vec<EpochSolution>) {
+/// A body and a station 2 km away that is antenna 3 of the world, after what `change` does to their epochs.
+fn beside_a_station(change: impl Fn(&mut ArrayEpoch)) -> (Motion, Vec<EpochSolution>) {
     let with_station = [TRIANGLE_M.to_vec(), vec![[2000.0, 0.0, 0.0]]].concat();
     let all = Motion::at_rest(degrees(0.0, 0.0, 0.0), &with_station);
     let body = Motion::at_rest(all.attitude, &TRIANGLE_M);
@@ -257,7 +258,7 @@ fn beside_a_station(station_satellites: usize) -> (Motion, Vec<EpochSolution>) {
     let rows = (0..3).map(|second| {
         let mut epoch = world.epoch(&all, f64::from(second));
         epoch.station = epoch.antennas.pop().unwrap();
-        epoch.station.as_mut().unwrap().observations.truncate(station_satellites);
+        change(&mut epoch);
         engine.push(&epoch, None)
     });
     let rows = rows.collect();
@@ -266,7 +267,7 @@ fn beside_a_station(station_satellites: usize) -> (Motion, Vec<EpochSolution>) {
 
 #[test]
 fn coordinates_relative_to_a_station() {
-    let (body, rows) = beside_a_station(usize::MAX);
+    let (body, rows) = beside_a_station(|_| ());
     for row in rows {
         assert_eq!(row.by_code.iter().map(|place| place.index).collect::<Vec<_>>(), [0, 1, 2]);
         for place in &row.by_code {
@@ -284,7 +285,9 @@ fn coordinates_relative_to_a_station() {
 /// A station with three satellites has nothing to say; it is not replaced by an antenna.
 #[test]
 fn a_station_with_three_satellites_is_no_antenna() {
-    let (body, rows) = beside_a_station(3);
+    let (body, rows) = beside_a_station(|epoch| {
+        epoch.station.as_mut().unwrap().observations.truncate(3);
+    });
     for row in rows {
         assert!(row.is_fixed());
         assert_eq!(row.position.unwrap().origin, PositionOrigin::Alone);
@@ -293,6 +296,43 @@ fn a_station_with_three_satellites_is_no_antenna() {
             let off_m = (place.geodetic.to_ecef() - body.antenna_m(place.index, row.time)).norm();
             assert!(off_m < 30.0, "{off_m}");
         }
+    }
+}
+
+/// What a receiver says to be spoofed moves no coordinates; the attitude has nothing of the station.
+#[test]
+fn no_coordinates_come_of_a_spoofed_station_or_antenna() {
+    let spoofed = Interference { spoofing: Spoofing::Stated, ..Interference::default() };
+    let (_, rows) = beside_a_station(|epoch| {
+        epoch.station.as_mut().unwrap().interference = spoofed;
+    });
+    for row in rows {
+        assert!(row.is_fixed() && row.by_code.is_empty());
+        assert_eq!(row.position.unwrap().origin, PositionOrigin::Alone);
+    }
+    let (_, rows) = beside_a_station(|epoch| {
+        epoch.antennas[1].as_mut().unwrap().interference = spoofed;
+    });
+    for row in rows {
+        assert_eq!(row.reason(), Some(Reason::Interference));
+        assert!(row.by_code.is_empty());
+    }
+}
+
+/// A first antenna at a known place that is silent: no other is put there.
+#[test]
+fn nothing_takes_the_place_of_a_silent_station() {
+    let mut world = World::new().unwrap();
+    let body = Motion::at_rest(degrees(120.0, 2.0, 1.0), &RECTANGLE_M);
+    let far_m = body.antenna_m(0, body.start) + Vector::new(3000.0, 2000.0, -1000.0);
+    let mut engine = engine(Settings { first_antenna_m: Some(far_m), ..told(&body) }, &world);
+    for second in 0..3 {
+        let mut epoch = world.epoch(&body, f64::from(second));
+        epoch.antennas[0] = None;
+        let row = engine.push(&epoch);
+        assert!(row.is_fixed(), "{:?}", row.outcome);
+        assert!(errors_in_sigmas(&row, &body.attitude).iter().flatten().all(|e| e.abs() < 5.0));
+        assert!(position_error_m(&row, &body).xy().norm() < 5.0);
     }
 }
 

@@ -150,6 +150,26 @@ fn what_is_excluded_below_or_off_does_not_count() {
     assert!((found - antenna.body.velocity_mps).norm() < 3e-4);
 }
 
+/// An error that draws the first estimate away from all others.
+#[test]
+fn a_gross_error_of_any_satellite_is_found() {
+    let count = Antenna::new([8.0, 1.0, 0.0]).tracked.len();
+    for (first, by_mps) in (0..count).flat_map(|k| [(k, 200.0), (k, -3e4)]) {
+        let mut antenna = Antenna::new([8.0, 1.0, 0.0]);
+        let second = (first + count / 2) % count;
+        for (k, by_mps) in [(first, by_mps), (second, 0.7 * by_mps)] {
+            let rate = &mut antenna.tracked[k].range_rate_mps;
+            *rate = rate.map(|rate| rate + by_mps);
+            assert!(antenna.off_mps() < 1e-3, "{first}, {by_mps}: {}", antenna.off_mps());
+        }
+    }
+    // Of five of which one is wrong nothing tells which.
+    let mut antenna = Antenna::new([8.0, 1.0, 0.0]);
+    antenna.tracked.truncate(5);
+    antenna.tracked[2].range_rate_mps = Some(900.0);
+    assert_eq!(point::velocity(&antenna.tracked, &antenna.point, MASK_RAD), None);
+}
+
 #[test]
 fn four_satellites_are_needed() {
     let mut antenna = Antenna::new([8.0, 1.0, 0.0]);
