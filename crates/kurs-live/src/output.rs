@@ -14,6 +14,7 @@ use kurs_formats::ubx::Conversation;
 use serial2_tokio::SerialPort;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream, UdpSocket, lookup_host};
+use tokio::sync::Semaphore;
 use tokio::sync::broadcast::{self, error::RecvError};
 use tokio::time::timeout;
 
@@ -30,7 +31,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
 /// What the system may keep for a client, bytes: what waits there gets old unseen.
 const SEND_BUFFER: u32 = 16 * 1024;
 /// Clients of one output.
-const MAX_CLIENTS: u64 = 256;
+const MAX_CLIENTS: usize = 256;
 /// Rates are kept on a grid with this tolerance, s: time tags are off by a millisecond.
 const RATE_TOLERANCE_S: f64 = 0.002;
 
@@ -187,15 +188,16 @@ async fn serve(
     way: &Trouble,
 ) {
     let mut back_off = BackOff::of_own();
+    let seats = Arc::new(Semaphore::new(MAX_CLIENTS));
     loop {
         match listen(at).await {
             Ok(listener) => loop {
                 way.end();
                 let Ok((stream, peer)) = listener.accept().await else { break };
-                if status.clients.load(Relaxed) >= MAX_CLIENTS {
+                let Ok(seat) = Arc::clone(&seats).try_acquire_owned() else {
                     tracing::warn!(%peer, "too many clients, refused");
                     continue;
-                }
+                };
                 status.clients.fetch_add(1, Relaxed);
                 let (receiver, status) = (sender.subscribe(), Arc::clone(&status));
                 let partner = partner.clone();
@@ -206,6 +208,7 @@ async fn serve(
                         tracing::info!(%peer, "client dropped: {what}");
                     }
                     status.clients.fetch_sub(1, Relaxed);
+                    drop(seat);
                 });
             },
             Err(error) => way.note(&format!("cannot be listened at: {error}")),

@@ -375,7 +375,8 @@ pub(crate) fn length_constrained(
 ///
 /// body: baselines from the first antenna in body axes. b (3k,): the same measured, in local axes, baseline after
 /// baseline; a (n,): their ambiguities, `ambiguities_of[j]` of them for baseline j. Q_a (n, n), Q_b (3k, 3k), Q_ab
-/// (n, 3k): joint covariance, cycles and metres. `array_sd_m`: of an antenna's place. A leading dimension for N problems.
+/// (n, 3k): joint covariance, cycles and metres. `array_sd_m`: of an antenna's place. A leading dimension for N
+/// problems.
 #[pyfunction]
 #[pyo3(signature = (a, Q_a, b, Q_b, Q_ab, body, ambiguities_of, array_sd_m=0.0, *, count=2, horizon=DEFAULT_HORIZON))]
 #[allow(non_snake_case, clippy::too_many_arguments)] // as the literature has them

@@ -243,7 +243,8 @@ impl Attitude {
         Ok(errors)
     }
 
-    /// The same as `scipy.spatial.transform.Rotation`, which rotates body components into local ones; NaN where unknown.
+    /// The same as `scipy.spatial.transform.Rotation`, which rotates body components into local ones; NaN where
+    /// unknown.
     fn to_scipy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let rotation = py.import("scipy.spatial.transform")?.getattr("Rotation")?;
         let is_known = |f: &Found| f.local_from_body.iter().all(|component| component.is_finite());
@@ -400,10 +401,11 @@ pub(crate) fn general(
 
 /// local_from_body from single-difference phases (k, r), metres, of baselines body (k, 3).
 ///
-/// A phase is that of the baseline's antenna less that of the first one, its integers taken out: `-u·b` and a clock, which is one
-/// for each baseline and all its bands, and is eliminated. `los` (s, 3): unit vectors u to the satellites in local axes.
-/// `sigma_m` (r,): standard deviations, all satellites of the first band, then of the second, and so on. Give a leading dimension
-/// for N problems at once. A flat array may fit as well from the other side: then `cost_gap` is about 0, and either is given.
+/// A phase is that of the baseline's antenna less that of the first one, its integers taken out: `-u·b` and a clock,
+/// which is one for each baseline and all its bands, and is eliminated. `los` (s, 3): unit vectors u to the satellites
+/// in local axes. `sigma_m` (r,): standard deviations, all satellites of the first band, then of the second, and so on.
+/// Give a leading dimension for N problems at once. A flat array may fit as well from the other side: then `cost_gap`
+/// is about 0, and either is given.
 #[pyfunction]
 #[pyo3(signature = (body, los, sigma_m, phases_m, *, shared_antenna=true))]
 pub(crate) fn from_phases(
@@ -491,8 +493,8 @@ impl<'a> Side<'a> {
 /// first_from_second: the attitude of a second body in the axes of a first one, both known in one local frame.
 ///
 /// The covariance is in the axes of the second body; errors of the two are taken for independent. Of N
-/// attitudes and N others, pair by pair; one stands for all of the other side. A pair with an attitude that has no solution
-/// has its error.
+/// attitudes and N others, pair by pair; one stands for all of the other side. A pair with an attitude that has no
+/// solution has its error.
 #[pyfunction]
 pub(crate) fn relative(
     py: Python<'_>,

@@ -25,8 +25,8 @@ pub(crate) fn run(py: Python<'_>, arguments: Vec<String>) -> u8 {
     py.detach(|| kurs_cli::run(arguments))
 }
 
-/// Runs a command whose errors are exceptions; gives its exit status, 0 or 3. Ctrl-C ends it at the next epoch, in whichever
-/// thread it runs, by KeyboardInterrupt.
+/// Runs a command whose errors are exceptions; gives its exit status, 0 or 3. Ctrl-C ends it at the next epoch, in
+/// whichever thread it runs, by KeyboardInterrupt.
 #[pyfunction]
 pub(crate) fn call(py: Python<'_>, arguments: Vec<String>) -> PyResult<u8> {
     let (sender, receiver) = mpsc::channel();

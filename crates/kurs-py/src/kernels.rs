@@ -196,9 +196,10 @@ type Plain = (usize, String, Option<usize>);
 /// Position (3,), m, covariance (3, 3), m², cost and method from measurements of stations_m (s, 3), ECEF.
 ///
 /// `kinds` (m): (station, quantity, reference or None); quantity is "azimuth", "elevation" (rad), "range",
-/// "range_difference" (m), "cosine_north", "cosine_east". values (m,) and sigmas (m,); give values (N, m) for N positions
-/// at once: positions (N, 3), covariances (N, 3, 3), costs (N,), NaN where there is none. `axes` (s, 3, 3): rotations
-/// ecef_from_local of the stations, whose columns are north, east and down in ECEF axes; by default those of the ellipsoid.
+/// "range_difference" (m), "cosine_north", "cosine_east". values (m,) and sigmas (m,); give values (N, m) for N
+/// positions at once: positions (N, 3), covariances (N, 3, 3), costs (N,), NaN where there is none. `axes` (s, 3, 3):
+/// rotations ecef_from_local of the stations, whose columns are north, east and down in ECEF axes; by default those of
+/// the ellipsoid.
 #[pyfunction]
 #[pyo3(signature = (stations_m, kinds, values, sigmas, *, prior_m=None, axes=None))]
 #[allow(clippy::type_complexity, clippy::too_many_arguments)] // three arrays of columns

@@ -1,6 +1,6 @@
 //! Time of the integer searches: `cargo bench -p kurs --bench ambiguity`. Before the table, the median
-//! and the 99th percentile over the epochs of the cases that `docs/experiments/integers.md` names, and what a node takes
-//! in the hundredth of them that take longest, which is what `engine/work_budget.rs` counts with.
+//! and the 99th percentile over the epochs of the cases that `docs/experiments/integers.md` names, and what a node
+//! takes in the hundredth of them that take longest, which is what `engine/work_budget.rs` counts with.
 #![allow(clippy::print_stdout)]
 
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Cost of an epoch, stage by stage and whole: `cargo bench -p kurs --bench epoch`. The argument is the number of antennas;
-//! all see the same GPS and Galileo satellites on one band.
+//! Cost of an epoch, stage by stage and whole: `cargo bench -p kurs --bench epoch`. The argument is the number of
+//! antennas; all see the same GPS and Galileo satellites on one band.
 #![allow(clippy::unwrap_used)] // a benchmark
 
 #[path = "../examples/data/recording.rs"]

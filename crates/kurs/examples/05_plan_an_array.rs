@@ -1,8 +1,8 @@
 //! How accurate an array will be, before anybody drills a hole: three antennas, the third one closer or farther.
 //!
 //! With the integers found, the baselines from the first antenna have the covariance `(I + 11ᵀ) ⊗ (N⁻¹ + s² I)`, where
-//! `N` follows from the directions to the satellites and the noise of the phases alone, and `s` is how well the antennas
-//! were surveyed. How often one epoch finds its integers follows from code and phases of one baseline.
+//! `N` follows from the directions to the satellites and the noise of the phases alone, and `s` is how well the
+//! antennas were surveyed. How often one epoch finds its integers follows from code and phases of one baseline.
 //!
 //! ```text
 //! $ cargo run -p kurs --example 05_plan_an_array

@@ -39,7 +39,8 @@ fn spent_ns() -> Result<f64, Box<dyn Error>> {
     Ok(text.split_whitespace().next().ok_or("an empty schedstat")?.parse()?)
 }
 
-/// Solves every problem of `length` numbers, again and again until the time is known, prints the mean time, then the results.
+/// Solves every problem of `length` numbers, again and again until the time is known, prints the mean time, then the
+/// results.
 fn solve<R: IntoIterator<Item = f64>>(
     numbers: &[f64],
     length: usize,

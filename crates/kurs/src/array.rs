@@ -141,6 +141,13 @@ impl AntennaArray {
         (1..self.len()).map(|rover| self.baseline_m(rover))
     }
 
+    /// The antennas that take part in an epoch, the reference first; `None` if they make no array.
+    #[must_use]
+    pub fn part(&self, reference: usize, rovers: &[usize]) -> Option<Self> {
+        let antennas = core::iter::once(&reference).chain(rovers);
+        Self::new(antennas.map(|antenna| self.positions_m[*antenna]).collect()).ok()
+    }
+
     /// What the positions span, from the singular values of the centred positions.
     #[must_use]
     pub fn shape(&self) -> Shape {

@@ -5,8 +5,8 @@
 //! they are two witnesses that have only its own observations in common.
 //!
 //! * Where both fix, they must agree; otherwise neither is believed ([`Reason::Contradiction`]). Of two that agree
-//!   the forward row stands: they share the epoch's errors, so that no mean of them is better than either, and to take the
-//!   surer one would be to take the more optimistic one.
+//!   the forward row stands: they share the epoch's errors, so that no mean of them is better than either, and to take
+//!   the surer one would be to take the more optimistic one.
 //! * Where one fixes, its answer stands with its own standard deviations – unless the other run found the known
 //!   lengths or the known array wrong there: that is true of the whole session, and a run needs time to learn it.
 //! * Where neither fixes, the forward row stands.

@@ -17,9 +17,10 @@ use crate::time::GpsTime;
 const MAX_SILENCE_S: f64 = 10.0;
 /// Longer intervals than this say nothing by Doppler: the body's acceleration is unknown.
 const MAX_DOPPLER_INTERVAL_S: f64 = 1.1;
-/// A phase that differs from its Doppler prediction by more than this, cycles, has slipped …
+/// A phase that differs from its Doppler prediction by more than this, cycles, has slipped, unless the other signals
+/// are hardly better ([`DOPPLER_SPREAD`]).
 const DOPPLER_CYCLES: f64 = 0.6;
-/// … provided that it is this many times further off than the typical signal of the antenna.
+/// A slipped phase is at least this many times further off its prediction than the typical signal of the antenna.
 const DOPPLER_SPREAD: f64 = 6.0;
 /// Signals that the typical one has to be taken of.
 const DOPPLER_SIGNALS: usize = 5;
@@ -95,8 +96,8 @@ struct Track {
 }
 
 impl Continuity {
-    /// Takes the next epoch of one antenna, of the systems that are wanted. `wavelength_m` of a satellite's band, where it
-    /// is known.
+    /// Takes the next epoch of one antenna, of the systems that are wanted. `wavelength_m` of a satellite's band, where
+    /// it is known.
     pub fn update(
         &mut self,
         antenna: usize,

@@ -29,17 +29,17 @@ use crate::solution::{
 
 /// An epoch that is older than this, s, is carried: receivers that sample closer together are used as they are.
 const MIN_CARRIED_S: f64 = 0.010;
-/// How much the clock of a satellite may run off its broadcast rate, s/s (what RTKLIB supposes for the age of corrections:
-/// manual of version 2.4.2, "Satellite Clock Stability").
+/// How much the clock of a satellite may run off its broadcast rate, s/s (what RTKLIB supposes for the age of
+/// corrections: manual of version 2.4.2, "Satellite Clock Stability").
 const CLOCK_STABILITY: f64 = 5e-12;
 /// Dilution of precision of a coordinate that is not exceeded under a usual sky.
 const COORDINATE_DOP: f64 = 3.0;
 /// Until this age, s, what the clocks run off (4.5 mm) is as small as the noise of a phase, and integers may be judged.
 const MAX_PHASE_AGE_S: f64 = 3.0;
 
-/// Coordinates relative to the station that are farther than this, m, from those of the antenna's own code are in the wrong
-/// place: errors of the antenna's code are in both, and what the station takes out, atmosphere and orbits, is some tens of
-/// metres at worst.
+/// Coordinates relative to the station that are farther than this, m, from those of the antenna's own code are in the
+/// wrong place: errors of the antenna's code are in both, and what the station takes out, atmosphere and orbits, is
+/// some tens of metres at worst.
 const MAX_STATION_OFFSET_M: f64 = 50.0;
 
 /// What came of the station's epochs.
@@ -156,9 +156,9 @@ impl StationChains {
     }
 
     /// Gives the row the antennas' coordinates by code, and puts the coordinates of the antenna whose position it
-    /// has in the place of its own: by phase for the first one, if its integers are accepted, or else by code. A station
-    /// that is not where it is said to be shows against the antenna's own code, and is not used; nor is what a receiver
-    /// does not trust.
+    /// has in the place of its own: by phase for the first one, if its integers are accepted, or else by code. A
+    /// station that is not where it is said to be shows against the antenna's own code, and is not used; nor is what a
+    /// receiver does not trust.
     fn improve(
         &mut self,
         engine: &Engine,

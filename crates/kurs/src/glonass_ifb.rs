@@ -14,8 +14,8 @@
 //! receivers count as alike, and an epoch that is not fixed so is tried again without the phases of
 //! GLONASS.
 //!
-//! What is carried from epoch to epoch must not change: there the phases of receivers that have shown to be mixed are left
-//! out until their bias is known, and then come with the first value that is.
+//! What is carried from epoch to epoch must not change: there the phases of receivers that have shown to be mixed are
+//! left out until their bias is known, and then come with the first value that is.
 
 use core::f64::consts::TAU;
 use std::collections::BTreeMap;
@@ -56,7 +56,8 @@ pub(crate) struct GlonassIfb {
     /// The phases of GLONASS in this epoch as they were observed.
     observed: Vec<Observed>,
     reference: usize,
-    /// Where phases are carried on: how many epochs in a row fitted without GLONASS alone, and the biases that are taken out.
+    /// Where phases are carried on: how many epochs in a row fitted without GLONASS alone, and the biases that are
+    /// taken out.
     without: usize,
     carried: BTreeMap<(usize, usize, Band), (f64, f64)>,
 }
@@ -86,7 +87,8 @@ struct Estimate {
 }
 
 impl GlonassIfb {
-    /// Takes known biases out of the phases; unknown ones stay. Where phases `are_carried` from epoch to epoch see the module.
+    /// Takes known biases out of the phases; unknown ones stay. Where phases `are_carried` from epoch to epoch see the
+    /// module.
     ///
     /// Nothing is done where GLONASS is alone: no other system could tell a bias.
     pub(crate) fn apply(

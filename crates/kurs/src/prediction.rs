@@ -57,9 +57,9 @@ pub struct AttitudeAccuracy {
 /// What becomes of simulated epochs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SimulatedRate {
-    /// Epochs fixed with the right integers,
+    /// Epochs fixed with the right integers.
     pub right: u32,
-    /// and with wrong ones.
+    /// Epochs fixed with wrong ones.
     pub wrong: u32,
     /// All epochs, at least one.
     pub draws: u32,
@@ -176,8 +176,8 @@ pub fn baseline_success_rate(sights: &[Sight]) -> Option<f64> {
 /// Time from one simulated epoch to the next, s: the usual one of receivers.
 const INTERVAL_S: f64 = 1.0;
 
-/// What an engine with these settings makes of `draws` epochs, each alone, of antennas that all see `sights`, with nothing
-/// but noise: its own searches in its own work budget, and all its checks. `None` without an array, or if the
+/// What an engine with these settings makes of `draws` epochs, each alone, of antennas that all see `sights`, with
+/// nothing but noise: its own searches in its own work budget, and all its checks. `None` without an array, or if the
 /// satellites are too few.
 ///
 /// The epochs are a session: the engine begins with the noise of its settings and learns that of `sights`.
@@ -495,8 +495,8 @@ mod tests {
         sky().into_iter().filter(|s| s.band == band).collect()
     }
 
-    /// All bands are fixed, and rightly. Of one noisy band the nearest integers that fit to the array are often right, but no
-    /// engine would believe them.
+    /// All bands are fixed, and rightly. Of one noisy band the nearest integers that fit to the array are often right,
+    /// but no engine would believe them.
     #[test]
     fn epochs_count_that_an_engine_accepts() {
         let weak = of_band(Band::new(System::Gps, 1));

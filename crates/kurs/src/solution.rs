@@ -128,9 +128,9 @@ pub struct EpochSolution {
     pub located_by: usize,
     /// Root mean square of the residuals of double-difference phases, or of coordinates, m.
     pub residual_rms_m: Option<f64>,
-    /// Body origin, or the first antenna while the attitude is unknown.
+    /// Body origin, or the first antenna that has a position while the attitude is unknown.
     pub position: Option<PositionEstimate>,
-    /// From the first antenna to each other one, in the order of the configuration.
+    /// From the first antenna that takes part to each other one, in the order of the configuration.
     pub baselines: Vec<BaselineEstimate>,
     /// Further points of the body, in the order of the configuration.
     pub points: Vec<PointEstimate>,

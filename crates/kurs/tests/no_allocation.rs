@@ -186,8 +186,8 @@ fn no_sample_and_no_fix_of_the_attitude_filter_allocates() {
     assert_eq!(allocations(|| run(101..=1100)), 0);
 }
 
-/// Two antennas, each epoch by itself. What is left, 443, are the matrices of its double differences, what the searches hand
-/// on, and the row.
+/// Two antennas, each epoch by itself. What is left, 443, are the matrices of its double differences, what the searches
+/// hand on, and the row.
 #[test]
 fn an_epoch_allocates_little() {
     let attitude = Attitude { heading_rad: 1.0, pitch_rad: 0.05, roll_rad: -0.03 };

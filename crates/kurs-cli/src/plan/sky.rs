@@ -258,8 +258,8 @@ mod tests {
         }
     }
 
-    /// Precise orbits alone, an hour and three quarters of them: the plan begins with them, and sees what the sky of their
-    /// nodes shows.
+    /// Precise orbits alone, an hour and three quarters of them: the plan begins with them, and sees what the sky of
+    /// their nodes shows.
     #[test]
     fn precise_orbits_are_a_sky() {
         let file: ArrayFile = crate::config_file::parse("", "test").unwrap();

@@ -8,8 +8,8 @@ use kurs_formats::fingerprint::Fingerprint;
 use super::Format;
 use super::config::Loaded;
 
-/// The keys in force, the program's version, the part of the session, the formats in whatever order, and size and content of
-/// every input; those that were read already are `known`, by name.
+/// The keys in force, the program's version, the part of the session, the formats in whatever order, and size and
+/// content of every input; those that were read already are `known`, by name.
 pub(super) fn of(loaded: &Loaded, formats: &[Format], known: &[(String, Fingerprint)]) -> String {
     let (version, formats) = (env!("CARGO_PKG_VERSION"), formats.iter().collect::<BTreeSet<_>>());
     let mut text = format!("{version}\n{}\n{:?}\n{formats:?}\n", loaded.text(), loaded.window);

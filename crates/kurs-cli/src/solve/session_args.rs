@@ -90,8 +90,8 @@ impl SessionArgs {
 }
 
 impl Session {
-    /// The text that stands for the keys in force, what is written, the program and the contents of all inputs, of which these
-    /// are `known` by name.
+    /// The text that stands for the keys in force, what is written, the program and the contents of all inputs, of
+    /// which these are `known` by name.
     pub(crate) fn identity(&self, formats: &[Format], known: &[(String, Fingerprint)]) -> String {
         identity::of(&self.loaded, formats, known)
     }

@@ -380,8 +380,8 @@ fn differences(
     (links, groups)
 }
 
-/// Six satellites of GPS and two of Galileo: the terms of receivers and satellites take up nearly all that the two would show
-/// of their noise, and small residuals must not be taken for small errors.
+/// Six satellites of GPS and two of Galileo: the terms of receivers and satellites take up nearly all that the two
+/// would show of their noise, and small residuals must not be taken for small errors.
 #[test]
 fn two_satellites_of_a_system_are_no_quiet_band() {
     const EPOCHS: usize = 600;

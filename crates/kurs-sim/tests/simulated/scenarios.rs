@@ -46,8 +46,8 @@ fn covariances_hold_under_reflections() {
     }
 }
 
-/// Four antennas under branches, where most epochs are fixed only without one of their systems: what is known of the array
-/// costs a tenth of the fixes at most, and none is wrong.
+/// Four antennas under branches, where most epochs are fixed only without one of their systems: what is known of the
+/// array costs a tenth of the fixes at most, and none is wrong.
 #[test]
 fn a_known_array_costs_no_fixes() {
     let solve = |constraint| {

@@ -155,8 +155,8 @@ fn an_older_epoch_of_the_station_is_carried_to_the_row() {
     }
 }
 
-/// A rolling ship whose antennas are 25 m above its origin: the attitude's errors are in the covariance of the origin and of a
-/// point ahead of it, and the velocity is the origin's, not the mast's.
+/// A rolling ship whose antennas are 25 m above its origin: the attitude's errors are in the covariance of the origin
+/// and of a point ahead of it, and the velocity is the origin's, not the mast's.
 #[test]
 fn the_origin_far_below_the_antennas() {
     let mut scenario: Scenario = ready("ship");

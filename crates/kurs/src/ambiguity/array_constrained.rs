@@ -223,9 +223,10 @@ struct Frames<const P: usize, const S: usize> {
     last: FrameMetric<P, S>,
 }
 
-/// Work is counted in branches of two axes, 0.08 µs each. A bound takes 1.1 µs, a tight one 12, the nearest axes 30 where they
-/// are proven and 200 where all rotations are searched; of three axes a branch takes 0.3 µs, a bound 2.6, and the others 42,
-/// 42 and 140 (least squares over the searches of `epoch_cost scenarios/canopy-array.toml`, with and without its last antenna).
+/// Work is counted in branches of two axes, 0.08 µs each. A bound takes 1.1 µs, a tight one 12, the nearest axes 30
+/// where they are proven and 200 where all rotations are searched; of three axes a branch takes 0.3 µs, a bound 2.6,
+/// and the others 42, 42 and 140 (least squares over the searches of `epoch_cost scenarios/canopy-array.toml`, with and
+/// without its last antenna).
 impl<const P: usize, const S: usize> Frames<P, S> {
     const TIGHT_BOUND_WORK: usize = if P == 9 { 400 } else { 120 };
     const CERTIFIED_WORK: usize = if P == 9 { 400 } else { 300 };

@@ -14,8 +14,8 @@ use super::{AmbiguityError, MAX_CYCLES, dot, exchange::Exchanges, ldl::Ldl};
 
 /// An exchange must lower the conditional variance by at least this share.
 const MIN_GAIN: f64 = 1e-6;
-/// At most this many exchanges per pair of ambiguities; then the reduction stays as far as it got.
-const MAX_EXCHANGES_PER_PAIR: usize = 64;
+/// At most this many exchanges for each entry of the `n × n` covariance; then the reduction stays as far as it got.
+const MAX_EXCHANGES_PER_ENTRY: usize = 64;
 
 /// An elementary integer change of the ambiguities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl Decorrelation {
         self.steps.clear();
         let n = self.dimension();
         self.exchanges.begin(n);
-        let mut exchanges_left = MAX_EXCHANGES_PER_PAIR * n * n;
+        let mut exchanges_left = MAX_EXCHANGES_PER_ENTRY * n * n;
         // From the last pair to the first, one back after each exchange.
         let mut pair = n - 1;
         while pair > 0 {

@@ -1,8 +1,8 @@
 //! The factor `L` while the decorrelation exchanges its ambiguities.
 //!
-//! An exchange of neighbours turns two rows of `L` in all columns to their left, and lets two columns change places. The
-//! decorrelation goes from the last pair of ambiguities to the first and never far back, so nearly all of these columns
-//! are not looked at for long: they hear of the exchanges when their turn comes, [`STRIP`] of them at a time.
+//! An exchange of neighbours turns two rows of `L` in all columns to their left, and lets two columns change places.
+//! The decorrelation goes from the last pair of ambiguities to the first and never far back, so nearly all of these
+//! columns are not looked at for long: they hear of the exchanges when their turn comes, [`STRIP`] of them at a time.
 
 use std::ops::Range;
 

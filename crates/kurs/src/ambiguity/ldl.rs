@@ -21,7 +21,8 @@ const STRIP: usize = 32;
 /// order that the search wants.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ldl {
-    /// `L`, `n × n`, no unit; zeros above the diagonal. During the factorization what is left of the covariance stands there.
+    /// `L`, `n × n`, no unit; zeros above the diagonal. During the factorization what is left of the covariance stands
+    /// there.
     pub lower: DMatrix<f64>,
     /// `D`, `n` conditional variances, cycles².
     pub variances: Vec<f64>,
@@ -99,9 +100,9 @@ impl Ldl {
         Ok(())
     }
 
-    /// Eliminates the best ambiguity of the block of `i` in the place `i`, and puts its row of `L` into the next column of
-    /// the panel, which holds those since `end`. Of these the covariance of the ambiguities before has heard only on its
-    /// diagonal, which stands in the places of `D` that are to come.
+    /// Eliminates the best ambiguity of the block of `i` in the place `i`, and puts its row of `L` into the next column
+    /// of the panel, which holds those since `end`. Of these the covariance of the ambiguities before has heard only on
+    /// its diagonal, which stands in the places of `D` that are to come.
     fn eliminate(&mut self, i: usize, end: usize, settled: f64) -> Result<(), AmbiguityError> {
         let n = self.variances.len();
         let q = self.lower.as_mut_slice(); // column-major: qₖⱼ is q[k + j n]
@@ -146,8 +147,8 @@ impl Ldl {
         Ok(())
     }
 
-    /// Writes the rows of `L` in the panel where they belong, and tells the covariance of the ambiguities before `start` of
-    /// them: `qₖⱼ ← qₖⱼ − Σ lₚₖ dₚ lₚⱼ` for `k <= j`.
+    /// Writes the rows of `L` in the panel where they belong, and tells the covariance of the ambiguities before
+    /// `start` of them: `qₖⱼ ← qₖⱼ − Σ lₚₖ dₚ lₚⱼ` for `k <= j`.
     fn update_rest(&mut self, start: usize, end: usize) {
         let (n, count) = (self.variances.len(), end - start);
         let q = self.lower.as_mut_slice();
@@ -171,8 +172,8 @@ impl Ldl {
     }
 }
 
-/// Exchanges ambiguities `p < i`: in what is left of the covariance, above the diagonal of `q`, and in the rows of `L` from
-/// `end` on.
+/// Exchanges ambiguities `p < i`: in what is left of the covariance, above the diagonal of `q`, and in the rows of `L`
+/// from `end` on.
 fn exchange(q: &mut [f64], n: usize, p: usize, i: usize, end: usize) {
     let (left, of_i) = q.split_at_mut(i * n);
     let (of_p, between) = left[p * n..].split_at_mut(n);

@@ -1,9 +1,9 @@
 //! Integer least squares of strong models, part after part.
 //!
-//! Of any part `p` of the ambiguities, `|â − z|² ≥ |âₚ − zₚ|²`, each in the metric of its own covariance: a vector that is near as a
-//! whole is near in every part. So the vectors within a distance are among the combinations of those within it of each part, of which
-//! strong parts, as the baselines of an array under an open sky, leave one or two; and to factor the covariances of three parts
-//! takes a ninth of the whole.
+//! Of any part `p` of the ambiguities, `|â − z|² ≥ |âₚ − zₚ|²`, each in the metric of its own covariance: a vector that
+//! is near as a whole is near in every part. So the vectors within a distance are among the combinations of those
+//! within it of each part, of which strong parts, as the baselines of an array under an open sky, leave one or two; and
+//! to factor the covariances of three parts takes a ninth of the whole.
 
 use nalgebra::DMatrix;
 
@@ -45,10 +45,10 @@ struct Part<'a> {
 }
 
 impl PartwiseLeastSquares {
-    /// The `count` integer vectors nearest to `float` (n, cycles) as [`IntegerLeastSquares::solve`] finds them. Each ambiguity is in one
-    /// of `parts`, whose indices rise; `covariance_among` gives the covariance of such ambiguities (cycles²), `squared_distance`
-    /// that of a whole vector, `None` where it cannot tell. `None` where the parts are too weak by themselves, and where what
-    /// they leave is not proven to hold the nearest ones.
+    /// The `count` integer vectors nearest to `float` (n, cycles) as [`IntegerLeastSquares::solve`] finds them. Each
+    /// ambiguity is in one of `parts`, whose indices rise; `covariance_among` gives the covariance of such ambiguities
+    /// (cycles²), `squared_distance` that of a whole vector, `None` where it cannot tell. `None` where the parts are
+    /// too weak by themselves, and where what they leave is not proven to hold the nearest ones.
     pub fn solve(
         &mut self,
         float: &[f64],
@@ -116,8 +116,8 @@ impl PartwiseLeastSquares {
         self.success_rate < STRONG
     }
 
-    /// How often the parts of the last call of [`solve`](Self::solve) are all right, as if they knew nothing of each other: bootstrapped,
-    /// as far as they were searched.
+    /// How often the parts of the last call of [`solve`](Self::solve) are all right, as if they knew nothing of each
+    /// other: bootstrapped, as far as they were searched.
     #[must_use]
     pub fn success_rate(&self) -> f64 {
         self.success_rate
@@ -146,7 +146,8 @@ mod tests {
     use super::super::problems::{L1_M, L2_M, Noise, Sky, float_near_integers, seeded};
     use super::*;
 
-    /// Two baselines of one epoch of random skies, from strong to weak: what the parts prove is what the search of the whole finds.
+    /// Two baselines of one epoch of random skies, from strong to weak: what the parts prove is what the search of the
+    /// whole finds.
     #[test]
     fn parts_find_what_the_whole_finds() {
         let mut random = seeded(11);

@@ -50,14 +50,14 @@ pub fn integer_least_squares(
 pub struct IntegerLeastSquares {
     /// Nodes visited before [`AmbiguityError::BudgetExceeded`].
     pub node_budget: usize,
-    /// The same for each ambiguity of a model whose success rate is above 0.99: its right integers are found at once, and where the
-    /// nearest ones are not, they are too far to be right.
+    /// The same for each ambiguity of a model whose success rate is above 0.99: its right integers are found at once,
+    /// and where the nearest ones are not, they are too far to be right.
     pub node_budget_of_strong_models: usize,
     /// Vectors farther than the nearest one by more than this, in squared distance, are not
     /// looked for.
     pub horizon: f64,
-    /// Ambiguities that have one integer within this are not decorrelated further, even if the horizon is farther: in a strong model
-    /// that takes longer than the nodes it saves.
+    /// Ambiguities that have one integer within this are not decorrelated further, even if the horizon is farther: in a
+    /// strong model that takes longer than the nodes it saves.
     pub reduced_within: f64,
     decorrelation: Decorrelation,
     tree: Tree,
@@ -96,6 +96,7 @@ impl IntegerLeastSquares {
         covariance: &DMatrix<f64>,
         count: usize,
     ) -> Result<Vec<Candidate>, AmbiguityError> {
+        (self.nodes, self.proven_to, self.success_rate) = (0, f64::NAN, 0.0);
         check_horizon(self.horizon)?;
         let (whole, fraction) = whole_and_fraction(float, covariance.nrows())?;
         let settled = settled_variance(self.horizon.min(self.reduced_within));
@@ -199,10 +200,10 @@ pub(super) fn check_horizon(horizon: f64) -> Result<(), AmbiguityError> {
     Err(AmbiguityError::OutOfRange { what: "the horizon", value: horizon })
 }
 
-/// The conditional variance, cycles², from which down an ambiguity has one integer for a search that looks no farther than
-/// `horizon` beyond the nearest vector: the next one adds `(1 − 2|r|)/d`, more than the horizon for all residuals `|r| < 3/8`,
-/// which are six standard deviations. In a strong model nearly all ambiguities are such, and nine of ten exchanges would be
-/// theirs.
+/// The conditional variance, cycles², from which down an ambiguity has one integer for a search that looks no farther
+/// than `horizon` beyond the nearest vector: the next one adds `(1 − 2|r|)/d`, more than the horizon for all residuals
+/// `|r| < 3/8`, which are six standard deviations. In a strong model nearly all ambiguities are such, and nine of ten
+/// exchanges would be theirs.
 pub(super) fn settled_variance(horizon: f64) -> f64 {
     0.25 / horizon.max(DEFAULT_HORIZON)
 }
@@ -242,8 +243,8 @@ struct Tree {
     norms_above: Vec<f64>,
     /// `ẑₖ − Σⱼ lⱼₖ wⱼ` over `j >= i`, at `i + k (n + 1)`; `cₖ` is the one of `i = k + 1`.
     partial_centers: Vec<f64>,
-    /// Highest level whose residual has changed since the partial centers of `k` were computed; `n` before its first visit,
-    /// which most levels of a strong model have no second one after and which needs no partial centers.
+    /// Highest level whose residual has changed since the partial centers of `k` were computed; `n` before its first
+    /// visit, which most levels of a strong model have no second one after and which needs no partial centers.
     stale_from: Vec<usize>,
 }
 

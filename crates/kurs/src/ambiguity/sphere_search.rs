@@ -29,8 +29,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 use super::{AmbiguityError, MAX_CYCLES, sphere::Length};
 
-/// Share of the shortest wavelength between points of the grid. Fewer points leave more integers at each: of 1/8, 1/5, 1/4
-/// and 1/3 this took the least time (13 ambiguities, 1 m: medians of 10, 6.6, 6.1 and 9.8 ms on a busy machine).
+/// Share of the shortest wavelength between points of the grid. Fewer points leave more integers at each: of 1/8, 1/5,
+/// 1/4 and 1/3 this took the least time (13 ambiguities, 1 m: medians of 10, 6.6, 6.1 and 9.8 ms on a busy machine).
 const SPACING: f64 = 1.0 / 4.0;
 /// A grid of more points than this is refused: at L1 a sphere of about 30 m.
 const MAX_POINTS: f64 = 2e7;
@@ -83,8 +83,8 @@ pub fn all_within(
     all_in_time(model, length, max_cost, &mut no_end)
 }
 
-/// All candidates as [`all_within`] finds them, but no more than `nodes` integers are tried, those that are left remain:
-/// noisy phases leave many at each point.
+/// All candidates as [`all_within`] finds them, but no more than `nodes` integers are tried, those that are left
+/// remain: noisy phases leave many at each point.
 ///
 /// # Errors
 ///

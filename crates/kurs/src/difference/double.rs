@@ -154,9 +154,9 @@ pub fn combinations(links: &[Link], usable: impl Fn(&Link) -> bool) -> Vec<Combi
     outside.map(|(edge, _)| forest.closed_by(edge)).collect()
 }
 
-/// How many independent double differences there are of values of links, each with its antenna and satellite and those of a
-/// satellite together, and how many are not zero: `v = c + d` with the term `c` of the antenna and `d` of the satellite does not
-/// hold for so many links beyond those of a spanning forest.
+/// How many independent double differences there are of values of links, each with its antenna and satellite and those
+/// of a satellite together, and how many are not zero: `v = c + d` with the term `c` of the antenna and `d` of the
+/// satellite does not hold for so many links beyond those of a spanning forest.
 #[must_use]
 pub fn loops(values: &[(usize, Satellite, f64)]) -> (usize, usize) {
     // Of each antenna that was seen: the antenna that stands for its part of the graph, and c.

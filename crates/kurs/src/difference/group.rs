@@ -55,7 +55,7 @@ fn sorted(links: &[Link]) -> Vec<&Link> {
     let key = |index: usize, link: &Link| {
         let Link { signal, satellite, antenna, .. } = *link;
         let band = u64::from(signal.band.ordinal()) << 16 | u64::from(satellite.ordinal());
-        let code = u64::from(preference(signal.attribute));
+        let code = u64::from(preference(signal.attribute)) << 8 | u64::from(signal.attribute);
         u128::from(band << 32 | antenna as u64) << 64 | u128::from(code << 32 | index as u64)
     };
     let mut keys: Vec<(u128, &Link)> =

@@ -54,8 +54,9 @@ const MAX_FIXED_SD_M: f64 = 0.3;
 /// A model that was expected to be right less often than this is too weak to blame the rivals.
 const MIN_SUCCESS: f64 = 0.5;
 
-/// Satellites that contradict each other by this many times the noise of code, at every antenna, and of which no few are at fault, are
-/// not those they say: on none of the wrong paths of a street does the code come to all antennas so late.
+/// Satellites that contradict each other by this many times the noise of code, at every antenna, and of which no few
+/// are at fault, are not those they say: on none of the wrong paths of a street does the code come to all antennas so
+/// late.
 const CONTRADICTORY_RMS: f64 = 10.0;
 
 /// Degrees of freedom behind the noise level by which an epoch is judged.
@@ -188,7 +189,8 @@ impl Checks {
         }
     }
 
-    /// Whether the positions of the antennas leave the satellites their credit, where nothing else proves integers that fit.
+    /// Whether the positions of the antennas leave the satellites their credit, where nothing else proves integers that
+    /// fit.
     pub(super) fn of_positions(&mut self, contradiction: f64, settings: &Settings) {
         if settings.constraint == Constraint::None {
             self.demand(Reason::Residuals, contradiction, contradiction < CONTRADICTORY_RMS);

@@ -36,7 +36,8 @@ const MAX_SQUARE: f64 = 40.0;
 
 /// Share of sessions whose right array is doubted at first.
 const SESSION_ALARM: f64 = 3e-3;
-/// Share of the later epochs in which a right array is doubted: neighbours share their mean, so that they are few independent trials.
+/// Share of the later epochs in which a right array is doubted: neighbours share their mean, so that they are few
+/// independent trials.
 const MIN_LEVEL: f64 = 1e-4;
 
 /// What one epoch's baselines leave against the known places, in body axes.

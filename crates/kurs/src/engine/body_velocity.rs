@@ -4,8 +4,8 @@
 //!
 //! `v = v₀ + ω × r = (I  −[r]×) (v₀, ω)`,
 //!
-//! linear in both: least squares over the antennas that have a Doppler velocity, each with the covariance of its own. What the
-//! antennas hardly tell of `ω` is drawn to no turn.
+//! linear in both: least squares over the antennas that have a Doppler velocity, each with the covariance of its own.
+//! What the antennas hardly tell of `ω` is drawn to no turn.
 
 use nalgebra::{Matrix3x6, Matrix6, Vector6};
 

@@ -152,8 +152,8 @@ impl Estimator {
         Ok(found.filter(|_| is_fixed).map(|found| found.integers))
     }
 
-    /// Attitude, baselines and position of an epoch that is not to be believed: nothing is learnt from it but where phases
-    /// were interrupted.
+    /// Attitude, baselines and position of an epoch that is not to be believed: nothing is learnt from it but where
+    /// phases were interrupted.
     pub(crate) fn push_untrusted(
         &mut self,
         navigation: &NavigationData,

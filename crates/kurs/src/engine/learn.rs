@@ -17,8 +17,8 @@ use super::session_fit::Geometry;
 use super::settings::Constraint;
 use super::stages::Judged;
 
-/// What integers leave is clearly more, root mean square, with phases that spoil it than without: noise makes a third more of
-/// the ten ambiguities of a weak model, 1-sigma less than a quarter.
+/// Integers fit clearly worse with some phases than without them if the root mean square of what they leave is this
+/// many times as large: noise alone makes at most a third more of the ten ambiguities of a weak model.
 const CLEARLY_WORSE: f64 = 2.0;
 
 impl Estimator {
@@ -58,7 +58,7 @@ impl Estimator {
         } else if epoch.float.is_recursive() {
             let misfit = with_lengths();
             (misfit, Geometry::Fits(misfit))
-        } else if self.settings.constraint != Constraint::None && found.is_without_geometry() {
+        } else if self.settings.constraint != Constraint::None && found.is_without_geometry {
             (found.misfit, Geometry::Fits(with_lengths()))
         } else {
             (found.misfit, Geometry::Fits(found.misfit))
@@ -101,7 +101,8 @@ impl Estimator {
         self.levels.learn_phase(&residuals);
     }
 
-    /// Mixed receivers: whether the phases that they may have apart from each other spoil the integers, without which these fit.
+    /// Mixed receivers: whether the phases that they may have apart from each other spoil the integers, without which
+    /// these fit.
     pub(super) fn learn_mixed(&mut self, fix: &Fix, misfit_without: Option<Fit>) {
         if self.recursive.is_some() {
             let fits_without = misfit_without.is_some_and(|without| {

@@ -46,8 +46,8 @@ pub(super) struct CommonFrame {
     pub(super) approximate_m: Vec<Vector<Ecef>>,
     /// Local level axes at the reference antenna.
     pub(super) horizon: Horizon,
-    /// By how much the satellites contradict each other at least at each antenna: root mean square of the code's residuals over
-    /// what is expected of them.
+    /// By how much the satellites contradict each other at least at each antenna: root mean square of the code's
+    /// residuals over what is expected of them.
     pub(super) contradiction: f64,
 }
 
@@ -77,8 +77,8 @@ impl CommonFrame {
     }
 }
 
-/// Tracks and positions every antenna that has an epoch; `located` holds those of the last epoch, near which the positions
-/// are looked for, and buffers.
+/// Tracks and positions every antenna that has an epoch; `located` holds those of the last epoch, near which the
+/// positions are looked for, and buffers.
 pub(super) fn locate(
     epoch: &ArrayEpoch,
     navigation: &NavigationData,

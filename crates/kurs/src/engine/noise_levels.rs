@@ -40,11 +40,12 @@ const MEMORY: f64 = 1000.0;
 const MIN_SCALE: f64 = 0.2;
 /// A residual teaches no more than one of 2.7 standard deviations would: outliers are no matter of the level.
 pub(super) const MAX_SQUARE: f64 = 2.7 * 2.7;
-/// Of what most residuals say: one teaches no more than one of 1.5 standard deviations would, so that the level bears reflections of a
-/// third of the satellites, `MOST_MEAN/1.5²`. With 2.7 it grows without end from an eighth on.
+/// For the level of most residuals: one teaches no more than one of 1.5 standard deviations would, so that the level
+/// holds with reflections of a third of the satellites, `MOST_MEAN/1.5²`; with 2.7 it would grow without end from an
+/// eighth on.
 const MOST_SQUARE: f64 = 1.5 * 1.5;
-/// What this leaves of the squares of normal noise, `E min(z², k²) = 2Φ(k) − 1 − 2k φ(k) + 2k²(1 − Φ(k))` (Huber's proposal 2: Huber
-/// and Ronchetti, *Robust Statistics*, section 6.4).
+/// What this leaves of the squares of normal noise, `E min(z², k²) = 2Φ(k) − 1 − 2k φ(k) + 2k²(1 − Φ(k))` (Huber's
+/// proposal 2: Huber and Ronchetti, *Robust Statistics*, section 6.4).
 const MOST_MEAN: f64 = 0.778;
 /// Beside fixes with so many times the degrees of freedom of [`PHASE_PRIOR`] that prior hardly counts.
 const KNOWN: f64 = 10.0;

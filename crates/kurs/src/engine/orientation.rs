@@ -25,9 +25,9 @@ pub(super) struct KnownBody<'a> {
     pub(super) array: Option<&'a AntennaArray>,
     /// Standard deviation of each of their coordinates.
     pub(super) array_sd_m: f64,
-    /// For antennas on one line: where down was on the body,
+    /// For antennas on one line: where down was on the body.
     pub(super) memory: &'a VerticalMemory,
-    /// and the time of the epoch.
+    /// Of the epoch.
     pub(super) time: GpsTime,
     /// An angle less certain than this is not told.
     pub(super) max_angle_sd_rad: f64,
@@ -50,7 +50,8 @@ pub(super) fn orient(
     horizon: &Horizon,
     known: &KnownBody<'_>,
 ) -> Orientation {
-    let orientation = match known.array.and_then(|array| present_part(array, baselines)) {
+    let present = |array: &AntennaArray| array.part(baselines.reference, &baselines.rovers);
+    let orientation = match known.array.and_then(present) {
         Some(part) if part.shape() == Shape::Collinear => line(baselines, horizon, &part, known),
         Some(part) => full(baselines, horizon, &part, known.array_sd_m),
         None => of_first_baseline(baselines, horizon, known),
@@ -80,14 +81,6 @@ fn of_first_baseline(
     let vertical = known.memory.at(known.time, &line.axis);
     let attitude = AttitudeEstimate::of_line(&line, &vertical, &Matrix3::zeros());
     Orientation { attitude: Ok(attitude), geometry: None, misfit: None }
-}
-
-/// The antennas that have a baseline, as an array.
-fn present_part(array: &AntennaArray, baselines: &Baselines) -> Option<AntennaArray> {
-    let all = array.positions_m();
-    let mut positions_m = vec![all[baselines.reference]];
-    positions_m.extend(baselines.rovers.iter().map(|rover| all[*rover]));
-    AntennaArray::new(positions_m).ok()
 }
 
 /// Antennas on one line: its direction, and the turn about it as far as the vertical is known.

@@ -42,8 +42,8 @@ struct Phase {
 }
 
 impl PhaseChanges {
-    /// Takes the phases of an epoch, whose links had these variances `a_priori`: of the second one of a pair the squares of
-    /// the changes, in units of these variances. `None` if the changes of the baselines take up all of them.
+    /// Takes the phases of an epoch, whose links had these variances `a_priori`: of the second one of a pair the
+    /// squares of the changes, in units of these variances. `None` if the changes of the baselines take up all of them.
     pub(super) fn take(
         &mut self,
         links: &[Link],

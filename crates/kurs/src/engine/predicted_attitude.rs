@@ -38,9 +38,9 @@ const MIN_PROBABLE: f64 = 5.7e-7;
 /// Integers that fit code and phases worse than this probability are not believed, whatever is
 /// predicted.
 const MIN_PLAUSIBLE_ALONE: f64 = 1e-4;
-/// Integers that fit the predicted baselines worse than this probability are not believed either; and the
-/// bound in sigmas of a single value.
+/// Integers that fit the predicted baselines worse than this probability are not believed either.
 const MIN_PLAUSIBLE: f64 = 0.01;
+/// The same bound in standard deviations of a single value.
 const PLAUSIBLE_SIGMAS: f64 = 2.326;
 /// Least standard deviation of the surveyed positions that is reckoned with here, m.
 const MIN_ARRAY_SD_M: f64 = 0.001;

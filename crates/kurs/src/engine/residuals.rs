@@ -7,8 +7,8 @@ use crate::signal::{Band, Satellite};
 use super::noise_levels::{MAX_SQUARE, kept};
 
 /// Degrees of freedom that the level of the session counts for beside one epoch's own residuals: as many as between
-/// skies, which is what a passing reflection makes of one (beyond three sigmas are 1.5 % of the fixes of five bands in a
-/// valley, 2.1 % without it: `bench/real_skies.py --only shadow`).
+/// skies, which is what a passing reflection makes of one (beyond three sigmas are 1.5 % of the fixes of five bands in
+/// a valley, 2.1 % without it: `bench/real_skies.py --only shadow`).
 const EPOCH_PRIOR: f64 = 8.0;
 /// Share that the bands of a satellite have in common before anything is known, and at least: the epochs that
 /// matter are those of an edge or a strong reflection, in which nearly all is common, and the mean over
@@ -26,7 +26,8 @@ pub(super) struct Residuals<'a> {
     /// Normalised to a mean square of 1 over all links, in the order of the links.
     pub(super) residuals: &'a [(usize, f64)],
     /// Of each group the index of its first link and its share of the degrees of freedom: a band with few satellites
-    /// has next to none, as its few errors are taken up by the terms of its receivers and satellites and by the baselines.
+    /// has next to none, as its few errors are taken up by the terms of its receivers and satellites and by the
+    /// baselines.
     pub(super) redundancies: &'a [(usize, f64)],
     /// Of all residuals together.
     pub(super) degrees_of_freedom: usize,

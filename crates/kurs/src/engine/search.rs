@@ -10,7 +10,7 @@ use crate::ambiguity::search::{Candidate, IntegerLeastSquares};
 use crate::ambiguity::sphere::Length;
 use crate::ambiguity::success_rate::bootstrapped_success_rate;
 use crate::ambiguity::{AmbiguityError, MixedFloat};
-use crate::array::AntennaArray;
+use crate::array::{AntennaArray, Shape};
 use crate::difference::{self, Link};
 use crate::float_solution::{Conditional, Fit, FloatSolution};
 use crate::solution::Reason;
@@ -26,16 +26,18 @@ use super::work_budget::{Search, WorkBudget};
 const CANDIDATES: usize = 4;
 /// Candidates that the search of a whole array weighs, where a rival must break the geometry too.
 const ARRAY_CANDIDATES: usize = 2;
-/// Rivals of an array that are less probable than this share of what all of them may be are not looked for, nor those that
-/// cost more than the best by more than the horizon: proving that nothing lies far beyond the best takes longer than finding it.
+/// Rivals of an array that are less probable than this share of what all of them may be are not looked for; nor are
+/// those that cost more than the best by more than the horizon: proving that nothing lies far beyond the best takes
+/// longer than finding it.
 const RIVAL_SHARE: f64 = 0.1;
 const ARRAY_HORIZON: f64 = 30.0;
-/// Of the work of an array's search, where it hardly helps: code full of reflections leads it away, and a model that is strong
-/// without the constraint has what is wrong elsewhere. The rest is for the trials without code and without suspects (under
-/// branches, `scenarios/canopy-array.toml`, 562 of 601 epochs with a third, 490 with all).
+/// An array's search has this part of the epoch's work where it hardly helps: code full of reflections leads it away,
+/// and a model that is strong without the constraint has what is wrong elsewhere. The rest is for the trials without
+/// code and without suspects (under branches, `scenarios/canopy-array.toml`, 562 of 601 epochs with a third, 490 with
+/// all of it).
 const IN_VAIN: usize = 3;
-/// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers took five at
-/// most, and those that took more than sixteen cost four times their degrees of freedom.
+/// Nodes for each ambiguity of a strong model where nothing is known of the geometry. Under branches right integers
+/// took five at most, and those that took more than sixteen cost four times their degrees of freedom.
 const STRONG_MODEL_NODES: usize = 64;
 /// Models that are right more often than this without the constraint hardly gain by it.
 const STRONG_WITHOUT_CONSTRAINT: f64 = 0.9;
@@ -69,6 +71,8 @@ pub(super) struct Found {
     pub(super) integers: Vec<f64>,
     /// What they cost in the metric of the float solution, with what the constraint adds: χ² if they are right.
     pub(super) misfit: Fit,
+    /// Whether they were found without the known geometry, so that the misfit says nothing of it.
+    pub(super) is_without_geometry: bool,
     /// Probability that the geometry is wrong and other integers are right, over that of these.
     pub(super) doubt: f64,
     /// Second-best over best cost.
@@ -164,13 +168,14 @@ impl Searches {
         }
     }
 
-    /// Whether nothing need be known of the geometry: three antennas and more have enough ambiguities of their own, unless a model
-    /// with as many was weak before.
+    /// Whether nothing need be known of the geometry: three antennas and more have enough ambiguities of their own,
+    /// unless a model with as many was weak before.
     fn is_likely_strong(&self, float: &FloatSolution) -> bool {
         float.rovers.len() > 1 && float.ambiguities_cycles.len() > self.weak_ambiguities
     }
 
-    /// Integers that the geometry makes sure, with the probability that it is wrong as long as that is not out of the question.
+    /// Integers that the geometry makes sure, with the probability that it is wrong as long as that is not out of the
+    /// question.
     fn with_doubt(&mut self, problem: &Problem, found: Found) -> Found {
         if problem.doubt == 0.0 {
             return found;
@@ -178,14 +183,14 @@ impl Searches {
         Found { doubt: problem.doubt * self.none_of_them(problem, &found), ..found }
     }
 
-    /// Whether the model of the last [`find`](Self::find) hardly gains by the constraint, as far as that was asked for: integers that
-    /// are not found without it are too far to be right, with it too.
+    /// Whether the model of the last [`find`](Self::find) hardly gains by the constraint, as far as that was asked for:
+    /// integers that are not found without it are too far to be right, with it too.
     pub(super) fn is_strong_without_constraint(&self) -> bool {
         self.success_without_constraint.is_some_and(|rate| rate > STRONG_WITHOUT_CONSTRAINT)
     }
 
-    /// Probability of all other integers if nothing is known of the geometry, over that of those `found` with it: what is
-    /// right if the geometry is wrong. Where the model without the constraint is weak, each of them is one of many
+    /// Probability of all other integers if nothing is known of the geometry, over that of those `found` with it: what
+    /// is right if the geometry is wrong. Where the model without the constraint is weak, each of them is one of many
     /// and right as rarely as its success rate says; where its search comes to no end, integers that fit without any
     /// misfit may be among those it did not reach.
     fn none_of_them(&mut self, problem: &Problem, found: &Found) -> f64 {
@@ -228,6 +233,8 @@ impl Searches {
     /// All ambiguities of all baselines together, nothing known of the geometry.
     fn without_constraint(&mut self, problem: &Problem) -> Result<Found, Reason> {
         let float = problem.float;
+        // Of a search that is not begun nothing is known, nor of its model.
+        self.budget.nodes(Search::Free)?;
         let in_parts = self.baseline_after_baseline(float);
         let (candidates, proven_to, rate) = match in_parts {
             Some(candidates) => (Ok(candidates), self.parts.proven_to(), self.parts.success_rate()),
@@ -289,15 +296,19 @@ impl Searches {
         found.map_err(reason)
     }
 
-    /// All baselines together, as the known array turned by one rotation. Rivals are looked for as far as they are of weight
-    /// beside integers that fit well; where these fit so badly that what lies beyond leaves them unsure, again and farther.
+    /// All baselines together, as the known array turned by one rotation. Rivals are looked for as far as they are of
+    /// weight beside integers that fit well; where these fit so badly that what lies beyond leaves them unsure, again
+    /// and farther.
     pub(super) fn with_array(
         &mut self,
         problem: &Problem,
         array: &AntennaArray,
     ) -> Result<Found, Reason> {
-        // The attitude remains of the baselines' coordinates.
-        let constrained = (3 * problem.float.rovers.len()).saturating_sub(3).max(1);
+        // The attitude remains of the baselines' coordinates: two angles of a line, else three.
+        let rovers = &problem.float.rovers;
+        let present = array.part(problem.float.reference, rovers).ok_or(Reason::WeakModel)?;
+        let angles = if present.shape() == Shape::Collinear { 2 } else { 3 };
+        let constrained = 3 * rovers.len() - angles;
         let likelihood = Likelihood::new(problem.float, problem.known, constrained);
         let near = likelihood.horizon(RIVAL_SHARE * problem.rate).min(ARRAY_HORIZON);
         let found = self.with_array_within(problem, array, constrained, near)?;
@@ -375,6 +386,7 @@ impl Searches {
         let mut joint = Found {
             integers: Vec::new(),
             misfit: Fit::default(),
+            is_without_geometry: false,
             doubt: 0.0,
             ratio: f64::INFINITY,
             rivals: 0.0,
@@ -444,13 +456,6 @@ impl Searches {
     }
 }
 
-impl Found {
-    /// Whether they were found without the known geometry, so that the misfit says nothing of it.
-    pub(super) fn is_without_geometry(&self) -> bool {
-        self.misfit.degrees_of_freedom == self.integers.len()
-    }
-}
-
 impl Problem<'_> {
     /// Whether all other integers are improbable.
     fn is_sure(&self, found: &Found) -> bool {
@@ -472,6 +477,7 @@ impl Problem<'_> {
         Ok(Found {
             integers: integers.iter().map(|z| *z as f64).collect(),
             misfit: Fit { sum: *cost, degrees_of_freedom: integers.len() + constrained },
+            is_without_geometry: constrained == 0,
             doubt: 0.0,
             ratio: others.first().map_or(proven_to, |(_, cost)| *cost) / cost.max(1e-12),
             rivals: likelihood.rivals(float, candidates.iter().copied(), proven_to),

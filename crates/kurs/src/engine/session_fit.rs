@@ -15,18 +15,20 @@ const MAX_EXCESS: f64 = 16.0;
 /// Cap on the degrees of freedom of the code's level: its tails are heavier than Gaussian.
 const MAX_KNOWN: f64 = 60.0;
 
-/// Odds of a wrong length or place in a configuration, before anything was seen: half of the usual rate of wrong fixes, so
-/// that a session of which nothing speaks against its geometry loses few of them (`… --example predicted_integers`).
+/// Odds of a wrong length or place in a configuration, before anything was seen: half of the usual rate of wrong fixes,
+/// so that a session of which nothing speaks against its geometry loses few of them (`… --example predicted_integers`).
 const PRIOR_DOUBT: f64 = 5e-4;
 /// Mean square that a wrong geometry gives the cheapest candidate, about.
 const WRONG_MEAN: f64 = 2.0;
-/// A mean square that speaks for neither: with a wrong geometry a sum of squares `q` of `f` degrees of freedom is `2^{−f/2} e^{q/4}`
-/// times as probable as with the right one, which is 1 for `q = 2 ln 2 · f`.
+/// A mean square that speaks for neither: with a wrong geometry a sum of squares `q` of `f` degrees of freedom is
+/// `2^{−f/2} e^{q/4}` times as probable as with the right one, which is 1 for `q = 2 ln 2 · f`.
 const NEUTRAL_MEAN: f64 = 2.0 * core::f64::consts::LN_2;
-/// The odds where epochs fit badly, at most: told lengths that are 5 cm wrong are refused by it, a right one under trees keeps most of its
-/// fixes (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
+/// Upper bound of these odds where epochs fit badly: so large that told lengths which are 5 cm wrong are refused, so
+/// small that a right one under trees keeps most of its fixes
+/// (`cargo run --release -p kurs-sim --example real_skies -- 10 told`, `… --example wrong_fixes -- 1800 canopy`).
 const MAX_DOUBT: f64 = 0.1;
-/// With noise of more than this many times the variance that earlier epochs were judged by, they say nothing of the geometry.
+/// With noise of more than this many times the variance that earlier epochs were judged by, they say nothing of the
+/// geometry.
 const GROWN: f64 = 1.25;
 /// Below this doubt the geometry is out of the question, unless the fit gets bad.
 const MIN_DOUBT: f64 = 1e-7;
@@ -57,15 +59,16 @@ fn mean_square(fit: Fit) -> f64 {
 }
 
 impl SessionFit {
-    /// Begins anew if the least noise of the phases, a factor on their variances, turns out to be larger than was thought.
+    /// Begins anew if the least noise of the phases, a factor on their variances, turns out to be larger than was
+    /// thought.
     pub(super) fn hear_of_noise(&mut self, least_noise: f64) {
         if least_noise > GROWN * self.least_noise {
             *self = Self { least_noise, time: self.time, ..Self::default() };
         }
     }
 
-    /// Takes in the cost of an epoch's best integers, which is `weight` of an independent one, and what it says of the known
-    /// `geometry`; where it only speaks against that, a good fit is no evidence for it.
+    /// Takes in the cost of an epoch's best integers, which is `weight` of an independent one, and what it says of the
+    /// known `geometry`; where it only speaks against that, a good fit is no evidence for it.
     pub(super) fn take(&mut self, fit: Fit, geometry: Geometry, weight: f64, time: GpsTime) {
         let elapsed_s = self.time.map_or(0.0, |before| (time - before).max(0.0));
         self.time = Some(time);

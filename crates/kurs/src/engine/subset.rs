@@ -20,11 +20,11 @@ use crate::signal::{Band, Satellite, System};
 use crate::solution::{LeftOut, Reason};
 use crate::time::GpsTime;
 
-/// A trial without code takes long; after one that found nothing, the next seconds have none.
+/// A trial without code takes long: after one that found nothing there is none for so long.
 const PAUSE_AFTER_FAILURE_S: f64 = 10.0;
-/// A fix whose phases fit worse than this probability is doubted,
+/// A fix whose phases fit worse than this probability is doubted if a part of the epoch has a [`GOOD_FIT`].
 const BAD_FIT: f64 = 1e-3;
-/// if those of a part of the epoch fit better than this.
+/// Phases of a part of an epoch that fit with more than this probability put a fix with a [`BAD_FIT`] in doubt.
 const GOOD_FIT: f64 = 1e-2;
 /// Links that are tried without: those that explain most of the misfit of the best integers.
 const MAX_SUSPECT_LINKS: usize = 3;
@@ -100,8 +100,8 @@ impl Doubted<'_> {
         }
     }
 
-    /// Whether parts of the epoch are searched without the constraint first, as it adds little there: the search with all
-    /// antennas takes most of the work, and comes to no end where something is spoilt. One length costs little.
+    /// Whether parts of the epoch are searched without the constraint first, as it adds little there: the search with
+    /// all antennas takes most of the work, and comes to no end where something is spoilt. One length costs little.
     fn begins_free(&self) -> bool {
         self.epoch.float.rovers.len() > 1 && self.fix.is_strong_without_constraint
     }

@@ -1,21 +1,22 @@
 //! One budget for all searches of an epoch, in counted work and never in seconds: the same input gives the same rows
 //! on any machine.
 //!
-//! A node of each search and its model count as what they take on the reference machine. A search may open as many nodes as
-//! a quarter of what is left allows, that of an array a half, the one over the sphere three quarters: an epoch whose integers
-//! find no end still has its trials without a suspect, and they have an end together.
+//! A node of each search and its model count as what they take on the reference machine. A search may open as many
+//! nodes as a quarter of what is left allows, that of an array a half, the one over the sphere three quarters: an epoch
+//! whose integers find no end still has its trials without a suspect, and they have an end together.
 
 use crate::solution::Reason;
 
-/// What the searches of an epoch may take together. With what is not counted the worst epoch of four antennas, 30 satellites and
-/// two bands under branches takes 15 to 19 ms (`cargo run --release -p kurs-sim --example epoch_cost scenarios/canopy-array.toml 600`).
+/// What the searches of an epoch may take together. With what is not counted the worst epoch of four antennas, 30
+/// satellites and two bands under branches takes 15 to 19 ms
+/// (`cargo run --release -p kurs-sim --example epoch_cost scenarios/canopy-array.toml 600`).
 const EPOCH_NS: u64 = 13_000_000;
 /// Below, no further search is begun.
 const MIN_NS: u64 = EPOCH_NS / 32;
 /// Of the decorrelation, for each ambiguity to the third power.
 const DECORRELATION_NS: f64 = 0.4;
-/// Of what a trial takes beside its search (float and fixed solution, checks), for each ambiguity to the second power: so much
-/// that the worst epoch above keeps below 20 ms.
+/// Of a trial beside its search (float and fixed solution, checks), for each ambiguity to the second power: so large
+/// that the worst epoch above stays below 20 ms.
 const TRIAL_NS: f64 = 20.0;
 
 /// The searches, each with nodes of its own price.
@@ -42,8 +43,8 @@ impl Search {
         }
     }
 
-    /// More nodes than this hardly help; those of an array are half of the work of an epoch: with 2 ms instead of 6.5 four antennas
-    /// with G1 and E1 and phases of 3 mm fix 3 of 121 epochs instead of 81.
+    /// More nodes than this hardly help; those of an array are half of the work of an epoch: with 2 ms instead of 6.5
+    /// four antennas with G1 and E1 and phases of 3 mm fix 3 of 121 epochs instead of 81.
     const fn most_nodes(self) -> u64 {
         match self {
             Self::Free => 1_000_000,

@@ -1,8 +1,8 @@
 //! Where satellites are and what their clocks show: navigation data and their evaluation.
 //!
 //! [`KeplerEphemeris`] evaluates the broadcast orbits of GPS, Galileo, BeiDou and QZSS,
-//! [`GlonassEphemeris`] those of GLONASS, [`PreciseOrbits`] interpolates tabulated ones; [`EphemerisStore`] chooses the record for a satellite and instant; [`NavigationData`] holds
-//! everything that navigation files say.
+//! [`GlonassEphemeris`] those of GLONASS, [`PreciseOrbits`] interpolates tabulated ones; [`EphemerisStore`] chooses the
+//! record for a satellite and instant; [`NavigationData`] holds everything that navigation files say.
 //!
 //! A record is checked when it is made ([`BadEphemeris`]), so that its evaluation cannot fail.
 
@@ -26,7 +26,7 @@ pub use navigation_data::{
     IonosphereParameters, Klobuchar, NavigationData, SystemTimeOffset, UtcParameters,
 };
 pub use precise::{PreciseNode, PreciseOrbits};
-pub use store::{Ephemeris, EphemerisStore, GalileoPreference, NoEphemeris, Transmission};
+pub use store::{Ephemeris, EphemerisStore, NoEphemeris, Transmission};
 pub use transmissions::Transmissions;
 
 use nalgebra::Vector3;
@@ -55,7 +55,8 @@ pub struct SatelliteState {
 
 impl SatelliteState {
     /// Longest time over which [`moved`](Self::moved) is exact to a micrometre, s: the flattened Earth, the Moon and
-    /// the Sun, whose pull is left out, accelerate a satellite by at most 1e-4 m/s² (half of that times 0.1² s² is 0.5 µm).
+    /// the Sun, whose pull is left out, accelerate a satellite by at most 1e-4 m/s² (half of that times 0.1² s² is 0.5
+    /// µm).
     pub const MAX_MOVE_S: f64 = 0.1;
 
     /// Where the satellite is, and what its clock shows, so many seconds later (earlier if negative), in the axes of

@@ -20,16 +20,6 @@ pub enum Ephemeris {
     Glonass(GlonassEphemeris),
 }
 
-/// Which Galileo message to take where both exist.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum GalileoPreference {
-    /// I/NAV (clock of E1 and E5b), as most receivers and programs do.
-    #[default]
-    Inav,
-    /// F/NAV (clock of E1 and E5a).
-    Fnav,
-}
-
 /// Why there is no state of a satellite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoEphemeris {
@@ -50,7 +40,6 @@ pub struct EphemerisStore {
     /// Of each satellite and message by reference time, and by transmission time those of one reference time.
     records: BTreeMap<(Satellite, Message), Vec<Ephemeris>>,
     precise: PreciseOrbits,
-    galileo: GalileoPreference,
     /// What observation files tell of GLONASS, by number.
     glonass_channels: BTreeMap<u8, i8>,
 }
@@ -207,12 +196,6 @@ impl Ephemeris {
 }
 
 impl EphemerisStore {
-    /// An empty store that takes this Galileo message where both exist.
-    #[must_use]
-    pub fn with_galileo(galileo: GalileoPreference) -> Self {
-        Self { galileo, ..Self::default() }
-    }
-
     /// Adds a record; one with the same satellite, message, reference and transmission time is
     /// replaced.
     pub fn insert(&mut self, ephemeris: Ephemeris) {
@@ -361,7 +344,7 @@ impl EphemerisStore {
 
     fn choose(&self, satellite: Satellite, time: GpsTime) -> Result<&Ephemeris, NoEphemeris> {
         let mut refusal = NoEphemeris::Unknown(satellite);
-        for message in self.messages(satellite.system) {
+        for message in Self::messages(satellite.system) {
             let around = self.around(satellite, *message, time);
             if around == [None; 2] {
                 continue;
@@ -381,19 +364,15 @@ impl EphemerisStore {
         Err(refusal)
     }
 
-    /// The messages of a system, the preferred one first.
-    const fn messages(&self, system: System) -> &'static [Message] {
-        match (system, self.galileo) {
-            (System::Gps | System::Qzss, _) => &[Message::Lnav],
-            (System::Galileo, GalileoPreference::Inav) => {
-                &[Message::GalileoInav, Message::GalileoFnav]
-            }
-            (System::Galileo, GalileoPreference::Fnav) => {
-                &[Message::GalileoFnav, Message::GalileoInav]
-            }
-            (System::BeiDou, _) => &[Message::BeiDouD1, Message::BeiDouD2],
-            (System::Glonass, _) => &[Message::GlonassFdma],
-            (System::NavIc | System::Sbas, _) => &[],
+    /// The messages of a system, the preferred one first: of Galileo I/NAV (clock of E1 and E5b), as most receivers and
+    /// programs do.
+    const fn messages(system: System) -> &'static [Message] {
+        match system {
+            System::Gps | System::Qzss => &[Message::Lnav],
+            System::Galileo => &[Message::GalileoInav, Message::GalileoFnav],
+            System::BeiDou => &[Message::BeiDouD1, Message::BeiDouD2],
+            System::Glonass => &[Message::GlonassFdma],
+            System::NavIc | System::Sbas => &[],
         }
     }
 
@@ -516,8 +495,6 @@ mod tests {
         store.insert(record(KeplerElements { issue: 9, ..shifted(galileo(), 9000.0) }));
         assert_eq!(issue(store.select(galileo().satellite, time + 4900.0)), Some(81));
         assert_eq!(issue(store.select(galileo().satellite, time + 5500.0)), Some(9));
-        store.galileo = GalileoPreference::Fnav;
-        assert_eq!(issue(store.select(galileo().satellite, time)), Some(7));
     }
 
     /// Against a precise clock the two signals that it refers to have no group delay together, and

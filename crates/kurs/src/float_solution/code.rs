@@ -2,8 +2,8 @@
 //!
 //! The code of one link of a group is `y = gᵀ x + c + d + e` with the term `c` of its receiver and `d` of its
 //! satellite. Least squares over all of them give the same `x̂` as double differences with their full covariance,
-//! without ever forming it. With the rows `h = (gᵀ in the block of the antenna, 1 for its receiver, y)`, bordered by the
-//! observation, each satellite adds
+//! without ever forming it. With the rows `h = (gᵀ in the block of the antenna, 1 for its receiver, y)`, bordered by
+//! the observation, each satellite adds
 //!
 //! `M ← M + Σ w h hᵀ − s sᵀ / Σ w`,   `s = Σ w h`,   `w = 1/σ²`,
 //!

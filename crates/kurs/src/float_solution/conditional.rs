@@ -81,8 +81,9 @@ impl FloatSolution {
         Some(self.code_excess(&self.conditional_correction(integers, &whitened)?))
     }
 
-    /// `(â − z)ᵀ Q_â⁻¹ (â − z)` of these integers `z`: the squares that they leave of the phases, and of the code beyond what code
-    /// alone leaves. `None` where the solution is not of one epoch alone, and where the baselines are not determined.
+    /// `(â − z)ᵀ Q_â⁻¹ (â − z)` of these integers `z`: the squares that they leave of the phases, and of the code
+    /// beyond what code alone leaves. `None` where the solution is not of one epoch alone, and where the baselines are
+    /// not determined.
     #[must_use]
     pub fn squared_distance(&self, integers: &[f64]) -> Option<f64> {
         let conditional = self.is_of_one_epoch().then(|| self.conditional(integers))??;

@@ -97,7 +97,10 @@ impl Information {
         for i in 0..count {
             g[(i, i)] += precision;
         }
-        let Some(factor) = g.cholesky() else { return };
+        let Some(factor) = g.cholesky() else {
+            (0..count).for_each(|unknown| self.forget(unknown));
+            return;
+        };
         let rows = self.matrix.rows(0, count).clone_owned();
         let first = self.vector.rows(0, count).clone_owned();
         // G⁻¹ (Λ_xx Λ_xN), G⁻¹ η_x

@@ -105,7 +105,6 @@ pub struct RecursiveFloat {
     arcs: Vec<Arc>,
     information: Information,
     time: Option<GpsTime>,
-    slips: usize,
     began_anew: bool,
 }
 
@@ -121,15 +120,8 @@ impl RecursiveFloat {
             arcs: Vec::new(),
             information: Information::nothing(0),
             time: None,
-            slips: 0,
             began_anew: false,
         }
-    }
-
-    /// Number of slips that the last epoch showed against its prediction.
-    #[must_use]
-    pub fn slips_found(&self) -> usize {
-        self.slips
     }
 
     /// Whether so many links slipped in the last epoch that everything was forgotten.
@@ -329,19 +321,21 @@ impl RecursiveFloat {
     /// Forgets the ambiguities of links whose phase is not where the memory expects it, the worst
     /// one first; everything if too many are.
     fn forget_slips(&mut self, news: &Information, own: &[Own]) {
-        (self.slips, self.began_anew) = (0, false);
+        self.began_anew = false;
         let first = self.baseline_unknowns();
         let determined = self.determined(own);
-        let most = (MAX_SLIPPED_SHARE * self.arcs.len() as f64).ceil();
+        let present = self.arcs.iter().filter(|arc| self.is_present(arc.antenna)).count();
+        let most = (MAX_SLIPPED_SHARE * present as f64).ceil();
         let least_m = |arc: &Arc| MIN_SLIP_CYCLES * arc.wavelength_m;
         let least_m: Vec<f64> = self.arcs.iter().map(least_m).collect();
         let mut prior = self.of_present();
+        let mut slips = 0;
         while let Some(arc) = worst_departure(&prior, news, &determined, first, &least_m) {
             let unknown = first + arc;
-            self.slips += 1;
+            slips += 1;
             prior.forget(unknown);
             self.information.forget(unknown);
-            if self.slips as f64 > most {
+            if f64::from(slips) > most {
                 self.information = Information::nothing(self.information.unknowns());
                 self.began_anew = true;
                 return;

@@ -20,8 +20,8 @@ impl FloatSolution {
         self.code.redundancies()
     }
 
-    /// What the residuals of each group's phases show of their squares once the integers are known, with the index of the
-    /// group's first link: `n − tr(Q_x|a A_Φᵀ Q_Φ⁻¹ A_Φ)`.
+    /// What the residuals of each group's phases show of their squares once the integers are known, with the index of
+    /// the group's first link: `n − tr(Q_x|a A_Φᵀ Q_Φ⁻¹ A_Φ)`.
     #[must_use]
     pub fn phase_redundancies(&self) -> Vec<(usize, f64)> {
         let Some(covariance_m2) = &self.conditional.covariance_m2 else { return Vec::new() };

@@ -215,8 +215,8 @@ impl Matcher {
         self.queues.iter().filter_map(Queue::head_time).min()
     }
 
-    /// Tells of a time between two epochs of one antenna that the caller has seen ahead, s: before the fastest receiver has shown two
-    /// epochs here, a slower one's interval, or a gap, would join what does not belong together.
+    /// Tells of a time between two epochs of one antenna that the caller has seen ahead, s: before the fastest receiver
+    /// has shown two epochs here, a slower one's interval, or a gap, would join what does not belong together.
     pub fn expect_interval(&mut self, interval_s: f64) {
         if interval_s >= MIN_INTERVAL_S {
             self.interval_s = self.interval_s.min(interval_s);
@@ -278,7 +278,9 @@ impl Matcher {
             let time = waiting.epoch.time;
             if let Some(taken) = queue.taken.replace(time) {
                 let since_s = time - taken;
-                queue.interval_s = Some(queue.interval_s.map_or(since_s, |s| s.min(since_s)));
+                if since_s >= MIN_INTERVAL_S {
+                    queue.interval_s = Some(queue.interval_s.map_or(since_s, |s| s.min(since_s)));
+                }
             }
             antennas.push(Some(waiting.epoch));
         }
@@ -636,7 +638,8 @@ mod tests {
         assert_eq!(poll(&mut matcher, 13.5), Some((60.0, vec![Some(60.0), None])));
     }
 
-    /// What went out when the doubted epoch came does not contradict it, and who is silent for two seconds is not there.
+    /// What went out when the doubted epoch came does not contradict it, and who is silent for two seconds is not
+    /// there.
     #[test]
     fn the_patience_with_a_doubted_instant_ends_after_two_seconds() {
         let mut matcher = running(2);

@@ -6,8 +6,8 @@
 //!
 //! with the weights `1/σ²` of the noise model, the broadcast orbit and what remains of the
 //! atmosphere. Every row has one clock, that of its system: subtracting the weighted mean of each
-//! system from its rows leaves three unknowns (`fit.rs`, with the ranges of `ranges.rs`). Satellites that are at fault are found
-//! by what the others say (`faults.rs`).
+//! system from its rows leaves three unknowns (`fit.rs`, with the ranges of `ranges.rs`). Satellites that are at fault
+//! are found by what the others say (`faults.rs`).
 
 mod faults;
 mod fit;
@@ -49,8 +49,8 @@ pub struct Exclusion {
 }
 
 impl Exclusion {
-    /// Whether nothing of the satellite is of use, not its phase either: what is tracked is a reflection or an imitation, or
-    /// its orbit is wrong, or the time at which it was looked up.
+    /// Whether nothing of the satellite is of use, not its phase either: what is tracked is a reflection or an
+    /// imitation, or its orbit is wrong, or the time at which it was looked up.
     #[must_use]
     pub fn is_useless(&self) -> bool {
         self.residual_m.abs() > USELESS_M
@@ -120,8 +120,8 @@ pub fn solve(
     solved(fit)
 }
 
-/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere or to gross contradictions, from the
-/// Earth's centre.
+/// As [`solve`], from a place where the antenna is likely to be; where that leads nowhere or to gross contradictions,
+/// from the Earth's centre.
 ///
 /// # Errors
 ///

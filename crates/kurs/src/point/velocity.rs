@@ -1,6 +1,7 @@
 //! Velocity and clock drift from Doppler shifts.
 //!
-//! `−λ D = u · (vₛ − v) + c (δṫ − δṫₛ)` (and what the Earth turns meanwhile), linear in `v` and `c δṫ`: one least-squares step.
+//! `−λ D = u · (vₛ − v) + c (δṫ − δṫₛ)` (and what the Earth turns meanwhile), linear in `v` and `c δṫ`: one
+//! least-squares step.
 
 use nalgebra::{Matrix3, Matrix4, Vector4};
 use smallvec::SmallVec;

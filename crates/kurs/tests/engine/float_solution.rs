@@ -90,8 +90,8 @@ fn what_the_code_loses_by_other_baselines() {
     }
 }
 
-/// Without code the phases alone are left, `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ` less (all but a millionth of) `N`, and only codes that
-/// are right agree with them.
+/// Without code the phases alone are left, `N + Σ A_Φᵀ Q_Φ⁻¹ A_Φ` less (all but a millionth of) `N`, and only codes
+/// that are right agree with them.
 #[test]
 fn code_can_be_left_out() {
     let (float, _) = float(0.3);

@@ -336,8 +336,8 @@ fn nothing_takes_the_place_of_a_silent_station() {
     }
 }
 
-/// Reflections put six to forty metres on the code of every fourth satellite for as long as the session lasts: its outliers do not tell how
-/// noisy the phases are.
+/// Reflections put six to forty metres on the code of every fourth satellite for as long as the session lasts: its
+/// outliers do not tell how noisy the phases are.
 #[test]
 fn reflected_code_of_a_quarter_of_the_satellites_costs_no_fix() {
     let mut world = World::new().unwrap();

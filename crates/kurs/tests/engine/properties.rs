@@ -185,8 +185,8 @@ proptest! {
         other.antennas.rotate_left(turn);
         body.antennas_m.rotate_left(turn);
         let other = engine(told(&body), &world).push(&other);
-        // The velocity that brings all antennas to one instant is another antenna's: centimetres a second in some tenths of a
-        // millisecond, over a metre.
+        // The velocity that brings all antennas to one instant is another antenna's: centimetres a second in some
+        // tenths of a millisecond, over a metre.
         prop_assert!(differ(&row, &other) < 3e-5, "{}", differ(&row, &other));
     }
 

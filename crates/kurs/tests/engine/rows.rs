@@ -63,8 +63,8 @@ fn a_lost_row_serialises_with_its_reason() {
     }
 }
 
-/// Codes that are metres off while a receiver states spoofing change no row before or behind, as those of the same epochs
-/// do that nobody speaks of.
+/// Codes that are metres off while a receiver states spoofing change no row before or behind, as those of the same
+/// epochs do that nobody speaks of.
 #[test]
 fn spoofed_epochs_teach_nothing() {
     let body = Motion::at_rest(degrees(70.0, 2.0, -3.0), &TRIANGLE_M);

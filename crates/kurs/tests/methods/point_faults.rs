@@ -139,8 +139,8 @@ fn one_and_two_faults_are_excluded_and_the_position_recovers() {
     assert!(worst_m < 15.0, "{worst_m}");
 }
 
-/// 300 skies of 14 satellites with one to three ranges or orbits wrong by kilometres to the size of an orbit, from nowhere and from
-/// near the antenna.
+/// 300 skies of 14 satellites with one to three ranges or orbits wrong by kilometres to the size of an orbit, from
+/// nowhere and from near the antenna.
 #[test]
 fn gross_faults_are_excluded_before_the_position_counts() {
     for seed in 0..300_u32 {
@@ -168,8 +168,8 @@ fn gross_faults_are_excluded_before_the_position_counts() {
     }
 }
 
-/// Skies of 20 satellites with three to eight ranges 50 to 400 m off, as imitated signals are, from nowhere and from near the antenna:
-/// the others tell, or the covariance does.
+/// Skies of 20 satellites with three to eight ranges 50 to 400 m off, as imitated signals are, from nowhere and from
+/// near the antenna: the others tell, or the covariance does.
 #[test]
 fn the_most_are_believed_if_they_prove_themselves() {
     let (mut found, mut solved) = ([0; 9], [0; 9]);

@@ -135,8 +135,8 @@ fn a_length_five_centimetres_longer_or_shorter() {
     assert!(rows > 1000 && wrong <= 1, "{wrong} of {rows}");
 }
 
-/// A fifth of the satellites is half a cycle off at one antenna from the first row to the last. What earlier epochs know lets
-/// wrong integers fit; the epochs by themselves say that none do, and continuous sessions hear them too.
+/// A fifth of the satellites is half a cycle off at one antenna from the first row to the last. What earlier epochs
+/// know lets wrong integers fit; the epochs by themselves say that none do, and continuous sessions hear them too.
 #[test]
 fn half_cycles_that_stay() {
     let (mut rows, mut refused) = (0, 0);

@@ -101,8 +101,8 @@ fn glonass_of_mixed_receivers_learns_from_gps() {
     }
 }
 
-/// The same where ambiguities are carried on, and GPS alone is too weak: the phases of GLONASS are left out until their bias is
-/// known, and help then.
+/// The same where ambiguities are carried on, and GPS alone is too weak: the phases of GLONASS are left out until their
+/// bias is known, and help then.
 #[test]
 fn glonass_of_mixed_receivers_in_continuous_sessions() {
     let run = |cycles_per_channel: f64, systems: &[&str]| {
@@ -172,8 +172,8 @@ fn code_full_of_reflections() {
     }
 }
 
-/// White noise of 3 and 4.8 mm, of which nothing is told and which no fix teaches at first: the changes of the phases show it, and
-/// neither the lengths nor the shape of the array are blamed.
+/// White noise of 3 and 4.8 mm, of which nothing is told and which no fix teaches at first: the changes of the phases
+/// show it, and neither the lengths nor the shape of the array are blamed.
 #[test]
 fn receivers_noisier_than_assumed() {
     for (antennas, phase_sd_cycles, least_fixed) in

@@ -16,6 +16,7 @@ fn right() -> (Found, Conditional) {
     let found = Found {
         integers: vec![3.0; 8],
         misfit: fit(8.0, 8),
+        is_without_geometry: false,
         doubt: 0.0,
         ratio: 40.0,
         rivals: 1e-9,

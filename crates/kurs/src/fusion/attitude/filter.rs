@@ -346,12 +346,6 @@ impl AttitudeFilter {
         &self.nominal
     }
 
-    /// Covariance of the velocity error, north-east-down, (m/s)².
-    #[must_use]
-    pub fn velocity_covariance(&self) -> Matrix3<f64> {
-        self.estimate.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned()
-    }
-
     /// Covariance of the error state: attitude, gyro bias, velocity, accelerometer bias, and mounting if it is
     /// not exact.
     #[must_use]

@@ -15,8 +15,8 @@ const SYSTEMS: usize = System::ALL.len();
 
 /// From the Earth's centre five steps are enough; faulty observations may need a few more.
 const MAX_ITERATIONS: usize = 15;
-/// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by `d²/2ρ`,
-/// 2.5 µm after ten metres, as far as code leads away from the last epoch's position.
+/// After a step `d` below this nothing but the linear part of ranges and troposphere changes: ranges `ρ` bend by
+/// `d²/2ρ`, 2.5 µm after ten metres, as far as code leads away from the last epoch's position.
 pub(super) const CONVERGED_M: f64 = 10.0;
 /// After a step below this the position is good to some tens of metres, the atmosphere ignored:
 /// enough for elevations, weights and delays.
@@ -29,8 +29,8 @@ const MAX_RADIUS_M: f64 = 2.0e7;
 pub(super) const SUSPECT: f64 = 5.0;
 /// All residuals together do not fit their weights from this multiple of the expected size on.
 const INCONSISTENT_RMS: f64 = 3.0;
-/// Degrees of freedom that the assumed noise of code counts for beside an epoch's residuals: between receivers and skies its
-/// variance differs by a factor of 1.6 (1 sigma), as a χ² of eight degrees does.
+/// Degrees of freedom that the assumed noise of code counts for beside an epoch's residuals: between receivers and
+/// skies its variance differs by a factor of 1.6 (1 sigma), as a χ² of eight degrees does.
 const NOISE_PRIOR: f64 = 8.0;
 /// A residual whose variance is a smaller share of its observation's checks nothing.
 const MIN_CHECKED: f64 = 1e-6;
