@@ -40,6 +40,8 @@ pub(crate) struct FoundAntenna {
     pub(crate) files: Vec<PathBuf>,
     /// The part that is meant, in a log that has several.
     pub(crate) part: Option<LogPart>,
+    /// The site whose hours and days the files are, by their names.
+    site: Option<String>,
 }
 
 /// What one file is for.
@@ -127,16 +129,30 @@ impl FoundFiles {
             LogPart::Antenna(id) => format!("{name}-{id}"),
             LogPart::Station(id) => format!("{name}-{id}"),
         });
-        let same = self.antennas.iter_mut().find(|antenna| antenna.name == name);
-        match same {
-            // The hours and days of one site.
-            Some(antenna) if is_site && part.is_none() => antenna.files.push(path),
-            same => {
-                let is_taken = same.is_some();
-                let name = if is_taken { self.free_name(&name, &path) } else { name };
-                self.antennas.push(FoundAntenna { name, files: vec![path], part });
-            }
+        let site = (is_site && part.is_none()).then(|| name.clone());
+        if let Some(antenna) = site.as_deref().and_then(|site| self.of_site(site, &path)) {
+            antenna.files.push(path);
+            return;
         }
+        let is_taken = self.antennas.iter().any(|antenna| antenna.name == name);
+        let name = if is_taken { self.free_name(&name, &path) } else { name };
+        self.antennas.push(FoundAntenna { name, files: vec![path], part, site });
+    }
+
+    /// The antenna of which this file has another hour or day: with files beside it, or elsewhere under other names. Files
+    /// of one name in two folders are those of two receivers that were named alike.
+    fn of_site(&mut self, site: &str, file: &Path) -> Option<&mut FoundAntenna> {
+        let of_site = || {
+            let all = self.antennas.iter().enumerate();
+            all.filter(|(_, antenna)| antenna.site.as_deref() == Some(site))
+        };
+        let is_beside = |other: &PathBuf| other.parent() == file.parent();
+        let has_its_name = |other: &PathBuf| other.file_name() == file.file_name();
+        let beside = of_site().find(|(_, antenna)| antenna.files.iter().any(is_beside));
+        let found = beside
+            .or_else(|| of_site().find(|(_, antenna)| !antenna.files.iter().any(has_its_name)));
+        let index = found.map(|(index, _)| index)?;
+        self.antennas.get_mut(index)
     }
 
     /// A name that no antenna has yet, for files of one name in several folders.
@@ -243,5 +259,19 @@ mod tests {
             found.take_antenna(&InputFile::open(Path::new(hour)).unwrap(), None);
         }
         assert_eq!((found.antennas.len(), found.antennas[3].files.len()), (4, 2));
+    }
+
+    /// Septentrio's receivers are all named SEPT, whatever their files are in.
+    #[test]
+    fn days_of_two_receivers_of_one_name_are_two_antennas() {
+        let days = ["bow/SEPT0701.24o", "bow/SEPT0711.24o", "stern/SEPT0701.24o"];
+        let more = ["stern/SEPT0711.24o", "days/072/SEPT0721.24o"];
+        let mut found = FoundFiles::default();
+        for file in days.iter().chain(&more) {
+            found.take_antenna(&InputFile::open(Path::new(file)).unwrap(), None);
+        }
+        let of = |antenna: &FoundAntenna| (antenna.name.clone(), antenna.files.len());
+        let found: Vec<_> = found.antennas.iter().map(of).collect();
+        assert_eq!(found, [("SEPT".into(), 3), ("stern-SEPT".into(), 2)]);
     }
 }

@@ -120,3 +120,31 @@ fn squares(float: &FloatSolution, integers: &[i64], cost: f64) -> Squares {
     let displaced = float.code_excess_of(integers).unwrap_or(0.0).min(cost);
     Squares { code: code + displaced, phase: cost - displaced }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At the horizon rivals are as probable as the share says: by code where that reaches farther, else by phases.
+    #[test]
+    fn the_horizon_is_where_rivals_have_their_share() {
+        for (code_known, phase_known) in [(40.0, 8.0), (6.0, 90.0)] {
+            let (codes, phases) = (12.0, 7.0);
+            let likelihood = Likelihood {
+                code_prior: code_known,
+                phase_prior: phase_known,
+                code_total: code_known + codes,
+                phase_total: phase_known + phases,
+            };
+            let best = Squares { code: codes, phase: phases };
+            for share in [0.1, 1e-4] {
+                let excess = likelihood.horizon(share);
+                let in_code = Squares { code: best.code + excess, ..best };
+                let in_phase = Squares { phase: best.phase + excess, ..best };
+                let most = [in_code, in_phase].map(|other| likelihood.ratio(other, best));
+                let most = most.into_iter().fold(0.0, f64::max);
+                assert!((most / share - 1.0).abs() < 1e-9, "{share}: {most}");
+            }
+        }
+    }
+}

@@ -153,8 +153,9 @@ mod tests {
     /// North of a place a metre further east, seen in the local level axes of the place itself.
     #[test]
     fn north_is_as_uncertain_as_the_meridians_meet() {
-        for latitude_deg in [-89.99, -60.0, 0.0, 45.0, 89.999] {
-            let place = Geodetic::from_degrees(latitude_deg, 30.0, 500.0);
+        let places = [(-89.99, 500.0), (-60.0, 500e3), (0.0, 0.0), (45.0, 10e3), (89.999, 0.0)];
+        for (latitude_deg, height_m) in places {
+            let place = Geodetic::from_degrees(latitude_deg, 30.0, height_m);
             let east = place.ecef_from_ned() * Vector::new(0.0, 1.0, 0.0);
             let moved = Geodetic::from_ecef(place.to_ecef() + east);
             let north = place.ecef_from_ned().inverse()

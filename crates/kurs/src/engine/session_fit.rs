@@ -63,7 +63,7 @@ impl SessionFit {
     /// thought.
     pub(super) fn hear_of_noise(&mut self, least_noise: f64) {
         if least_noise > GROWN * self.least_noise {
-            *self = Self { least_noise, time: self.time, ..Self::default() };
+            *self = Self { least_noise, ..Self::default() };
         }
     }
 

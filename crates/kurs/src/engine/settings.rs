@@ -219,3 +219,68 @@ impl Settings {
         self.bands.as_ref().is_none_or(|bands| bands.contains(&band))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The field that is refused after a change of settings that work.
+    fn refused(change: impl Fn(&mut Settings)) -> Option<&'static str> {
+        let mut settings = Settings { antennas: 2, ..Settings::default() };
+        settings.check().expect("two antennas with nothing known");
+        change(&mut settings);
+        match settings.check() {
+            Ok(()) => None,
+            Err(SettingsError::OutOfRange { field, .. }) => Some(field),
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn every_number_out_of_its_range_is_named() {
+        type Field = (&'static str, fn(&mut Settings) -> &mut f64, [f64; 2]);
+        let fields: [Field; 10] = [
+            ("elevation_mask_rad", |s| &mut s.elevation_mask_rad, [-0.08, 1.55]),
+            ("max_tilt_rad", |s| &mut s.max_tilt_rad, [0.0, 3.1]),
+            ("roll_sd_rad", |s| &mut s.roll_sd_rad, [0.0, 3.1]),
+            ("max_angle_sd_rad", |s| &mut s.max_angle_sd_rad, [1e-4, 3.1]),
+            ("array_sd_m", |s| &mut s.array_sd_m, [0.0, 10.0]),
+            ("code_zenith_m", |s| &mut s.noise.code_zenith_m, [1e-6, 100.0]),
+            ("phase_zenith_m", |s| &mut s.noise.phase_zenith_m, [1e-6, 100.0]),
+            ("full_cn0_dbhz", |s| &mut s.noise.full_cn0_dbhz, [0.0, 100.0]),
+            ("channel_sd_m", |s| &mut s.noise.channel_sd_m, [0.0, 1.0]),
+            ("max_wrong_fix_rate", |s| &mut s.max_wrong_fix_rate, [1e-9, 0.5]),
+        ];
+        for (name, field, inside) in fields {
+            for value in inside {
+                assert_eq!(refused(|s| *field(s) = value), None, "{name}: {value}");
+            }
+            for value in [-0.1, 200.0, f64::NAN, f64::INFINITY] {
+                assert_eq!(refused(|s| *field(s) = value), Some(name), "{value}");
+            }
+        }
+        let walk = |m_per_sqrt_s| Ambiguities::Continuous(Motion::RandomWalk { m_per_sqrt_s });
+        assert_eq!(refused(|s| s.ambiguities = walk(0.0)), Some("m_per_sqrt_s"));
+        let nowhere = Vector::new(f64::NAN, 0.0, 0.0);
+        assert_eq!(refused(|s| s.points_m.push(nowhere)), Some("points_m"));
+        assert_eq!(refused(|s| s.points_m.push(Vector::new(2e5, 0.0, 0.0))), Some("points_m"));
+        let place = Vector::new(0.0, f64::INFINITY, 0.0);
+        assert_eq!(refused(|s| s.first_antenna_m = Some(place)), Some("first_antenna_m"));
+    }
+
+    #[test]
+    fn what_does_not_go_together_is_told() {
+        let array =
+            AntennaArray::new((0..3).map(|k| Vector::new(f64::from(k), 0.0, 0.0)).collect());
+        let two = Settings { antennas: 2, ..Settings::default() };
+        let one = Settings { antennas: 1, ..two.clone() };
+        assert_eq!(one.check(), Err(SettingsError::FewAntennas { found: 1 }));
+        let more = Settings { array: array.ok(), ..two.clone() };
+        assert_eq!(more.check(), Err(SettingsError::Positions { positions: 3, antennas: 2 }));
+        let told = Settings { constraint: Constraint::Length, ..two.clone() };
+        assert_eq!(told.check(), Err(SettingsError::ConstraintWithoutPositions));
+        let l1 = Band::new(System::Gps, 1);
+        let twice = Settings { bands: Some(vec![l1, l1]), ..two };
+        assert_eq!(twice.check(), Err(SettingsError::RepeatedBand(l1)));
+    }
+}

@@ -101,6 +101,42 @@ fn an_antenna_that_is_tagged_late_is_left_out_and_named() {
     }
 }
 
+/// Where too few antennas are left, the row has the reason of most of those that are missing.
+#[test]
+fn the_reason_of_most_antennas_is_that_of_the_row() {
+    let mut world = World::new().unwrap();
+    let body = Motion::at_rest(degrees(120.0, 2.0, 1.0), &RECTANGLE_M);
+    let mut engine = engine(told(&body), &world);
+    for late in 1..4 {
+        let mut epoch = world.epoch(&body, 0.0);
+        for antenna in (1..4).filter(|antenna| *antenna != late) {
+            epoch.antennas[antenna].as_mut().unwrap().observations.truncate(3);
+        }
+        epoch.antennas[late].as_mut().unwrap().time += 0.02;
+        let row = engine.push(&epoch);
+        assert_eq!(row.reason(), Some(Reason::FewSatellites), "{late}: {:?}", row.idle_antennas);
+        assert!(row.idle_antennas.contains(&(late, Reason::TimeMismatch)));
+    }
+}
+
+/// Of two antennas whose places nobody knows the baseline is the forward axis, as certain as it is long.
+#[test]
+fn a_baseline_of_unknown_length_gives_heading_and_pitch() {
+    let mut world = World::new().unwrap();
+    let body = Motion::at_rest(degrees(70.0, 10.0, 0.0), &[[0.0; 3], [4.0, 0.0, 0.0]]);
+    let settings = Settings { array: None, constraint: Constraint::None, ..told(&body) };
+    let mut engine = engine(settings, &world);
+    for row in rows(&mut engine, &mut world, &body, 5) {
+        let attitude = row.attitude().unwrap();
+        let baseline = &row.baselines[0];
+        let sd_up_m = baseline.covariance_m2[(2, 2)].sqrt();
+        let pitch_sd_rad = attitude.covariance_rad2[(1, 1)].sqrt();
+        // ∂pitch = ∂up / (b cos pitch) about a level baseline; ten degrees leave it within a few percent.
+        assert!((pitch_sd_rad * 4.0 / sd_up_m - 1.0).abs() < 0.1, "{pitch_sd_rad} {sd_up_m}");
+        assert!(errors_in_sigmas(&row, &body.attitude).iter().flatten().all(|e| e.abs() < 5.0));
+    }
+}
+
 /// An antenna that shares too few satellites with the others has a position, but no baseline.
 #[test]
 fn an_antenna_among_other_satellites_is_left_out_and_named() {

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use kurs::fusion::attitude::session::{AttitudeSession, CoastingHealth, FusedRow};
+use kurs::fusion::health::Event;
 use kurs::solution::{EpochSolution, PredictionRole, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
@@ -77,6 +78,8 @@ struct Total {
     /// Fixes that the prediction decided on, and that it refused.
     fixed_by_prediction: usize,
     refused_by_prediction: usize,
+    /// How often the filter was given up because it rejected most measurements of many epochs in a row.
+    given_up: usize,
     saturated: usize,
     unusable: usize,
     repeated: usize,
@@ -139,6 +142,8 @@ impl Rows {
         self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
         self.total.add(&row.health, solution);
+        let lock_outs = row.events.iter().filter(|(_, event)| *event == Event::LockedOut);
+        self.total.given_up += lock_outs.count();
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -285,7 +290,14 @@ impl Total {
                  deviations, are not as stated, and those of the result are too small"
             ))
         };
-        [attitudes, velocities].into_iter().filter_map(line).collect()
+        let given_up = (self.given_up > 0).then(|| {
+            format!(
+                "the filter was given up {} times because it rejected most measurements: are sign, unit, mounting \
+                 and time of the sensor right? Angles and their standard deviations before that are not to be used",
+                self.given_up
+            )
+        });
+        given_up.into_iter().chain([attitudes, velocities].into_iter().filter_map(line)).collect()
     }
 
     /// A line for the terminal, if samples are missing.
