@@ -142,16 +142,13 @@ impl FoundFiles {
     /// The antenna of which this file has another hour or day: with files beside it, or elsewhere under other names. Files
     /// of one name in two folders are those of two receivers that were named alike.
     fn of_site(&mut self, site: &str, file: &Path) -> Option<&mut FoundAntenna> {
-        let of_site = || {
-            let all = self.antennas.iter().enumerate();
-            all.filter(|(_, antenna)| antenna.site.as_deref() == Some(site))
-        };
+        let is_of_site = |antenna: &FoundAntenna| antenna.site.as_deref() == Some(site);
         let is_beside = |other: &PathBuf| other.parent() == file.parent();
         let has_its_name = |other: &PathBuf| other.file_name() == file.file_name();
-        let beside = of_site().find(|(_, antenna)| antenna.files.iter().any(is_beside));
-        let found = beside
-            .or_else(|| of_site().find(|(_, antenna)| !antenna.files.iter().any(has_its_name)));
-        let index = found.map(|(index, _)| index)?;
+        let mut all = self.antennas.iter();
+        let beside = all.position(|a| is_of_site(a) && a.files.iter().any(is_beside));
+        let apart = |a: &FoundAntenna| is_of_site(a) && !a.files.iter().any(has_its_name);
+        let index = beside.or_else(|| self.antennas.iter().position(apart))?;
         self.antennas.get_mut(index)
     }
 

@@ -233,12 +233,12 @@ impl Searches {
     /// All ambiguities of all baselines together, nothing known of the geometry.
     fn without_constraint(&mut self, problem: &Problem) -> Result<Found, Reason> {
         let float = problem.float;
-        // Of a search that is not begun nothing is known, nor of its model.
-        self.budget.nodes(Search::Free)?;
         let in_parts = self.baseline_after_baseline(float);
         let (candidates, proven_to, rate) = match in_parts {
             Some(candidates) => (Ok(candidates), self.parts.proven_to(), self.parts.success_rate()),
             None => {
+                // Of a search that is not begun nothing is known, nor of its model.
+                self.budget.nodes(Search::Free)?;
                 let ambiguities = float.ambiguities_cycles.as_slice();
                 let found = self.nearest(ambiguities, float.ambiguity_covariance(), CANDIDATES);
                 (found, self.free.proven_to(), self.free.success_rate())

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use kurs::fusion::attitude::session::{AttitudeSession, CoastingHealth, FusedRow};
+use kurs::fusion::attitude::session::{AttitudeSession, FusedRow};
 use kurs::fusion::health::Event;
-use kurs::solution::{EpochSolution, PredictionRole, Status};
+use kurs::solution::{PredictionRole, Status};
 use kurs::time::GpsTime;
 use serde::Serialize;
 
@@ -141,9 +141,7 @@ impl Rows {
         let time = TimeColumns::new(solution.time);
         self.attitude.write(&time, solution)?;
         self.summary.add(solution, false);
-        self.total.add(&row.health, solution);
-        let lock_outs = row.events.iter().filter(|(_, event)| *event == Event::LockedOut);
-        self.total.given_up += lock_outs.count();
+        self.total.add(row);
         self.write_health(&time, row)?;
         if let Some(truth) = &self.truth {
             self.filtered_agreement.add(solution, truth);
@@ -253,8 +251,10 @@ impl Rows {
 }
 
 impl Total {
-    fn add(&mut self, health: &CoastingHealth, row: &EpochSolution) {
+    fn add(&mut self, fused: &FusedRow) {
+        let FusedRow { health, solution: row, events, .. } = fused;
         let prediction = row.prediction();
+        self.given_up += events.iter().filter(|(_, event)| *event == Event::LockedOut).count();
         self.run = Some([self.run.map_or(row.time, |[first, _]| first), row.time]);
         self.attitudes_used += health.attitude.used / 3;
         self.attitudes_rejected += health.attitude.rejected / 3;
